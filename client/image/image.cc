@@ -123,10 +123,12 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
         file->path(), words_of(kind)));
   }
   absl::StatusOr<Image> image = read_picture(kind, *file, limits, choice);
-  if (image.ok() && choice.own_values) {
+  if (!image.ok()) return image;
+  if (choice.own_values) {
     image->chromaticities.reset();
     image->names_primaries = false;
   }
+  if (choice.as_floats) return to_floats(*std::move(image));
   return image;
 }
 

@@ -98,6 +98,7 @@ class FrameRun {
     // The picture will need the memory. What came through a pipe cannot be read again.
     if (only_ && !verifies_view() && !is_piped()) view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
+    if (options_.previous.exposure() == 0) show_display_light(frame, settings);
     if (options_.ignore_empty_alpha) picture_.add_note(ignore_empty_alpha(frame, settings));
     if (options_.desqueeze) picture_.add_note(desqueeze(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);

@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/cli/files/failure_line.h"
 #include "client/cli/files/json_output.h"
 
 namespace candela {

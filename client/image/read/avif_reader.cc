@@ -85,6 +85,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   if (!file.read(bytes)) return file.truncated("its end");
   const std::unique_ptr<avifDecoder, Destroy> decoder(avifDecoderCreate());
   if (!decoder) return absl::ResourceExhaustedError(file.path() + ": not enough memory to decode it");
+  decoder->strictFlags = AVIF_STRICT_ENABLED & ~AVIF_STRICT_PIXI_REQUIRED;  // as browsers do
   decoder->ignoreExif = decoder->ignoreXMP = AVIF_TRUE;
   decoder->maxThreads = 2;
   avifResult result =

@@ -40,6 +40,7 @@ class Png {
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
     png_set_chunk_malloc_max(png_, kMostChunkBytes);
     png_set_chunk_cache_max(png_, kMostChunks);
+    png_set_crc_action(png_, PNG_CRC_ERROR_QUIT, PNG_CRC_ERROR_QUIT);
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_ALWAYS, reinterpret_cast<png_const_bytep>("cICP"), 1);
     png_read_info(png_, info_);
     return true;
@@ -66,6 +67,13 @@ class Png {
   bool has_alpha() const {
     return (png_get_color_type(png_, info_) & PNG_COLOR_MASK_ALPHA) != 0 ||
            png_get_valid(png_, info_, PNG_INFO_tRNS) != 0;
+  }
+  // The width of a pixel over its height; 0 if the file does not say it.
+  double pixel_aspect() const {
+    png_uint_32 across = 0, down = 0;  // pixels a unit
+    int unit = 0;
+    if (png_get_pHYs(png_, info_, &across, &down, &unit) == 0 || across == 0 || down == 0) return 0;
+    return static_cast<double>(down) / across;
   }
   int passes() const { return passes_; }
   const char* error() const { return error_; }
@@ -194,10 +202,12 @@ absl::StatusOr<Image> read_png(FileReader& file, const ImageLimits& limits, cons
   ASSIGN_OR_RETURN(Signal signal, signal_of_png(file, png, choice, notes));
   const int bits = png.bits();
   const bool has_alpha = png.has_alpha();
+  const double pixel_aspect = png.pixel_aspect();
   if (!png.begin_rows()) return damaged_png(file, png);
   ASSIGN_OR_RETURN(Image image, make_image(png.width(), png.height(), kFormat));
   image.has_alpha = has_alpha;
-  image.notes = std::move(notes);
+  if (pixel_aspect > 0) set_pixel_aspect(pixel_aspect, image);
+  image.notes.insert(image.notes.end(), notes.begin(), notes.end());
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(bits, image);
   const uint32_t rows = read_rows(png, decoder, image);

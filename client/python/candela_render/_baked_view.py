@@ -103,8 +103,10 @@ def bake_view(config: Any, display: str | None = None, view: str | None = None, 
 
     Raises Error for what is not there, ImportError without PyOpenColorIO.
     """
-    import PyOpenColorIO as ocio
-
+    try:
+        import PyOpenColorIO as ocio
+    except ImportError:
+        raise ImportError("bake_view() needs PyOpenColorIO: Debian's python3-pyopencolorio, or opencolorio of PyPI") from None
     try:
         loaded = config if isinstance(config, ocio.Config) else ocio.Config.CreateFromFile(str(config))
         display = _one_of("display", list(loaded.getDisplays()), display or loaded.getDefaultDisplay())
@@ -114,6 +116,10 @@ def bake_view(config: Any, display: str | None = None, view: str | None = None, 
         if space is None:
             raise invalid(f"the configuration has no {f'colour space {input!r}' if input else 'role aces_interchange'}; give the name "
                           f"of its linear light of Rec.709 as input: {', '.join(loaded.getColorSpaceNames())}")
+        shown = loaded.getDisplayViewColorSpaceName(display, view)
+        target = loaded.getColorSpace(display if shown == ocio.OCIO_VIEW_USE_DISPLAY_NAME else shown)
+        if target is not None and target.isData():
+            raise invalid(f"view {view!r} shows data as it is; render with curve=\"linear\" and transfer=\"linear\" instead")
         transform = ocio.DisplayViewTransform(src=space.getName(), display=display, view=view)
         processor = loaded.getProcessor(transform).getOptimizedCPUProcessor(ocio.OPTIMIZATION_LOSSLESS)
     except ocio.Exception as error:

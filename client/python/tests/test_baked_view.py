@@ -100,7 +100,7 @@ class BakedViews(Test):
             candela.render(frame, view=baked, curve="agx")
 
     def test_without_opencolorio_it_says_so(self):
-        with unittest.mock.patch.dict(sys.modules, {"PyOpenColorIO": None}), self.assertRaises(ImportError):
+        with unittest.mock.patch.dict(sys.modules, {"PyOpenColorIO": None}), self.assertRaisesRegex(ImportError, "python3-pyopencolorio"):
             candela.bake_view("studio.ocio")
 
     @needs_data
@@ -158,9 +158,13 @@ roles: {default: Linear sRGB}
 displays:
   sRGB:
     - !<View> {name: Doubled, colorspace: doubled}
+    - !<View> {name: Raw, colorspace: raw}
 colorspaces:
   - !<ColorSpace>
     name: Linear sRGB
+  - !<ColorSpace>
+    name: raw
+    isdata: true
   - !<ColorSpace>
     name: doubled
     from_scene_reference: !<MatrixTransform> {matrix: [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]}
@@ -170,6 +174,8 @@ colorspaces:
         light = numpy.array([[0.25, 0.1, 0.4]], numpy.float32)
         numpy.testing.assert_allclose(rendered(light, view=baked)[0], 2 * light, atol=0.01)
         self.assertEqual(candela.bake_view(old, input="Linear sRGB").table, baked.table)
+        with self.fails("INVALID_ARGUMENT", "view 'Raw' shows data as it is"):
+            candela.bake_view(old, view="Raw")
 
     @needs_ocio
     def test_what_is_not_there_is_named_beside_what_is(self):

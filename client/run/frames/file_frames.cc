@@ -80,6 +80,7 @@ absl::Status FileFrames::make(absl::StatusOr<Image> read, const SequenceFrame& f
   enter_scene(options_.view.get(), frame);
   ASSIGN_OR_RETURN(const std::optional<double> exposure, options_.exposures.of(file.number));
   made.settings = settings_for(frame, options_.settings);
+  show_display_light(frame, made.settings);
   if (options_.ignore_empty_alpha) {
     const std::string note = ignore_empty_alpha(frame, made.settings);
     if (!note.empty()) frame.notes.push_back(note);

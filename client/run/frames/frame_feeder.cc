@@ -11,12 +11,17 @@ bool take_input_of(const v1::Settings& own, v1::Settings& settings) {
     return a.SerializeAsString() == b.SerializeAsString();
   };
   if (own.alpha() == settings.alpha() && same(own.input_chromaticities(), settings.input_chromaticities()) &&
-      same(own.output_size(), settings.output_size())) {
+      same(own.output_size(), settings.output_size()) && same(own.exposure(), settings.exposure()) &&
+      same(own.bloom(), settings.bloom())) {
     return false;
   }
   settings.set_alpha(own.alpha());
   settings.clear_input_chromaticities();
   if (own.has_input_chromaticities()) *settings.mutable_input_chromaticities() = own.input_chromaticities();
+  settings.clear_exposure();
+  if (own.has_exposure()) *settings.mutable_exposure() = own.exposure();
+  settings.clear_bloom();
+  if (own.has_bloom()) *settings.mutable_bloom() = own.bloom();
   settings.clear_output_size();
   if (own.has_output_size()) *settings.mutable_output_size() = own.output_size();
   return true;

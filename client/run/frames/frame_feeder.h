@@ -21,8 +21,8 @@
 
 namespace candela {
 
-// Gives `settings` what may differ from frame to frame in `own`: the alpha, the input's primaries and the
-// image's size. False if it had them.
+// Gives `settings` what may differ from frame to frame in `own`: the alpha, the input's primaries, exposure
+// and bloom, which PQ and HLG frames have of their own, and the image's size. False if it had them.
 bool take_input_of(const v1::Settings& own, v1::Settings& settings);
 
 // Takes and submits the frames on its own thread. Other members may be called meanwhile.

@@ -1,9 +1,11 @@
 #include "client/run/picture/frame_files.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
@@ -17,6 +19,17 @@ ImageFormat image_format(v1::OutputFormat format) {
   return format == v1::OUTPUT_FORMAT_RGBA16F  ? ImageFormat::kRgba16f
          : format == v1::OUTPUT_FORMAT_RGBA16 ? ImageFormat::kRgba16
                                               : ImageFormat::kRgba8;
+}
+
+// Whether a field has a value, other than a message of fields without any.
+bool sets_a_field(const google::protobuf::Message& message) {
+  std::vector<const google::protobuf::FieldDescriptor*> set;
+  const google::protobuf::Reflection& reflection = *message.GetReflection();
+  reflection.ListFields(message, &set);
+  return std::ranges::any_of(set, [&](const google::protobuf::FieldDescriptor* field) {
+    return field->cpp_type() != google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE ||
+           sets_a_field(reflection.GetMessage(message, field));
+  });
 }
 
 }  // namespace
@@ -63,12 +76,13 @@ FrameView view_of(const Image& image) {
 v1::Settings settings_for(const Image& image, v1::Settings settings) {
   if (image.chromaticities && !has_primaries(settings))
     *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
-  if (image.display_light) {
-    v1::Exposure& exposure = *settings.mutable_exposure();
-    if (exposure.mode() == v1::Exposure::MODE_UNSPECIFIED) exposure.set_mode(v1::Exposure::MODE_MANUAL);
-    if (settings.bloom().ByteSizeLong() == 0) settings.mutable_bloom()->set_intensity(0);
-  }
   return settings;
+}
+
+void show_display_light(const Image& image, v1::Settings& settings) {
+  if (!image.display_light) return;
+  if (!sets_a_field(settings.exposure())) settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  if (!sets_a_field(settings.bloom())) settings.mutable_bloom()->set_intensity(0);
 }
 
 Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect) {

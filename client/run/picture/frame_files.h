@@ -35,9 +35,12 @@ bool has_primaries(const v1::Settings& settings);
 // CIE xy of red, green, blue and white.
 v1::Chromaticities to_message(const std::array<float, 8>& xy);
 
-// Adds the chromaticities of the file unless the user set some. Light of a display is shown at 0 EV and
-// without bloom unless the user set exposure or bloom.
+// Adds the chromaticities of the file unless the user set some.
 v1::Settings settings_for(const Image& image, v1::Settings settings);
+
+// Light of a display is shown at 0 EV and without bloom, unless the settings say something of exposure or
+// bloom.
+void show_display_light(const Image& image, v1::Settings& settings);
 
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
 Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect);

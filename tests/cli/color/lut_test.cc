@@ -111,6 +111,17 @@ TEST_F(Lut, TakesAColourInTheCamerasOwnGamut) {
   }
 }
 
+// S-2014-003 and S-2016-001: they are the same but in the dark.
+TEST_F(Lut, TellsAcesccFromAcescct) {
+  for (const auto& [word, expected] : {std::pair("acescc", 0.043050), {"acescct", 0.093986}}) {
+    const ViewChoice choice{.config = identity_, .source = "--lut", .lut_input = word};
+    ASSERT_OK_AND_ASSIGN(const ViewTable baked, bake_view(choice));
+    std::vector<float> grey = {0.002f, 0.002f, 0.002f};
+    baked.show(grey);
+    EXPECT_NEAR(grey[1], expected, 1e-4) << word;
+  }
+}
+
 // Files that say it and options say the same.
 TEST_F(Lut, TakesItsDomainFromTheFileOrTheOption) {
   int files = 0;

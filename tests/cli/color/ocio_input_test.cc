@@ -168,6 +168,15 @@ TEST_F(OcioInput, EncodedInputIsWhatOpenColorIoMakesOfIt) {
   expect_right(in, studio_, "Picture", "Plain", kPure, 0.4);
 }
 
+// OpenColorIO takes floats.
+TEST_F(OcioInput, HalvesOfAPhmFileAreConverted) {
+  const std::string in = folder_.path("in.phm");
+  std::string halves = "PH\n64 64\n-1.0\n";
+  for (int i = 0; i < 3 * 64 * 64; ++i) halves += {'\0', static_cast<char>(0x30 + i % 8)};  // 2^-3 .. 2
+  write_file(in, halves);
+  expect_right(in, studio_, "ACEScct", "ACES");
+}
+
 TEST_F(OcioInput, AConfigurationWithoutInterchangeIsAsAccurate) {
   const std::string loose = folder_.path("loose.ocio");
   write_file(loose, config_with("  scene_linear: ACEScg\n"));

@@ -81,6 +81,19 @@ TEST_F(SignalInput, WhatIsGivenCounts) {
   EXPECT_EQ(candela_json({"render", pq_, out_, "--primaries", "p3-d65"})["primaries"]["from"], "option");
 }
 
+TEST_F(SignalInput, AStreamShowsEachFrameAsItsKind) {
+  ASSERT_EQ(candela({"render", pq_, out_, "-q"}).code, 0);
+  const std::string pq = read_file(out_);
+  for (const int frame : {1, 2})
+    write_file(folder_.path("shot." + std::to_string(frame) + ".png"), read_file(pq_));
+  ASSERT_EQ(candela({"stream", folder_.path("shot.#.png"), folder_.path("o_%d.png"), "-q"}).code, 0);
+  EXPECT_EQ(read_file(folder_.path("o_2.png")), pq);
+  // Metering still meters, and whoever asks for metering in a picture gets it.
+  EXPECT_NE(candela_json({"meter", pq_})["exposure"], 1.0);
+  EXPECT_NE(candela_json({"render", pq_, out_, "--key", "0.3"})["exposure"], 1.0);
+  EXPECT_NE(candela_json({"render", pq_, out_, "--previous-exposure", "3"})["exposure"], 1.0);
+}
+
 TEST_F(SignalInput, HlgIsMeantForADisplay) {
   const std::string hlg = folder_.path("hlg.png");
   write_file(hlg, png_of(1, 8, 0, "\xbf", cicp(9, 18)));

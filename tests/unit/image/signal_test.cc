@@ -157,6 +157,12 @@ TEST(PngReader, EveryKindOfPixelIsItsLight) {
   }
 }
 
+TEST(PngReader, KeepsTheAspectOfItsPixels) {
+  const std::string wide = chunk("pHYs", big_endian(1000) + big_endian(2000) + std::string(1, '\0'));
+  EXPECT_EQ(read(png_of(1, 8, 0, "\x80", wide))->pixel_aspect, 2);
+  EXPECT_EQ(read(png_of(1, 8, 0, "\x80"))->pixel_aspect, 1);
+}
+
 TEST(PngReader, PqIsLightOfADisplayInItsPrimaries) {
   const std::string white = {'\x94', '\xa8'};  // 0.580688881 of 65535
   ASSERT_OK_AND_ASSIGN(const Image pq, read(png_of(1, 16, 0, white, cicp(9, 16))));
@@ -189,6 +195,9 @@ TEST(PngReader, WhatCannotBeReadIsNamed) {
   std::string crc = good;
   crc[20] ^= 1;
   refused(crc, "damaged PNG file: IHDR: CRC error");
+  std::string bad_tag = png_of(1, 8, 0, "\x80", cicp(9, 16));
+  bad_tag[bad_tag.find("cICP") + 5] ^= 2;
+  refused(bad_tag, "damaged PNG file: cICP: CRC error");
   refused(png_of(1, 8, 0, "\x80", cicp(9, 16, 9)),
           "its cICP has matrix 9 and range 1; Candela reads matrix 0");
   refused(png_of(1, 8, 0, "\x80", cicp(9, 16, 0, 0)), "range 0");
