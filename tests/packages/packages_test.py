@@ -57,6 +57,7 @@ OPTIONAL = {("client/run/images/film_file.cc", "ffmpeg"), ("deploy/install-packa
             ("tests/interop/ktx_parse/run.sh", "npm"), ("tests/recipes/recipes_test.py", "node")}
 # Each of these starts programs a1, a2 ... and none that is called "no".
 SAMPLES = [
+    (shell.programs, "a1 <"),  # a part of a text, in which the file is named by another part
     (shell.programs, "x=$(a1 \"$(a2 -l)\" | env -u V B=1 a3) || if ! a4; then sudo a5 >f 2>&1 && exec a6; fi # no"),
     (shell.programs, "case $x in no) a1 ;; *) x=(a2 b); \"${x[@]}\" ;; esac; [[ $(a3) == no && -z no ]]; no() { a4; }; no"),
     (shell.programs, "cat <<'END' | a1\nno\nEND\ntrap 'a2 no' EXIT; find . -exec a3 {} +; x=$((1 + $(a4))) a5 'no; no'\n: <(a6)"),

@@ -109,9 +109,9 @@ class Commands:
         if operator.endswith("("):
             self._list()
             return
-        while self._peek() in BLANK:
+        while self._peek() and self._peek() in BLANK:
             self.at += 1
-        word = self._word() if self._peek() not in "<>" else self._redirection()
+        word = self._word() if not self._peek() or self._peek() not in "<>" else self._redirection()
         if operator in ("<<", "<<-"):
             self.documents.append(word)
 
