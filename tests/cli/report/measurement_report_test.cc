@@ -114,7 +114,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
     EXPECT_GT(row.at("memcpy_ratio"), 0) << row;
     scenes[row.at("what")] = row.at("plan");
   }
-  EXPECT_EQ(scenes.size(), 7u);
+  EXPECT_EQ(scenes.size(), 8u);
   // The scenes' light matches their descriptions: in some of the tiles, and in none.
   EXPECT_TRUE(says(scenes.at("five small lights").dump(), "light in"));
   EXPECT_TRUE(says(scenes.at("nothing bright").dump(), "no bloom: nothing passes"));
