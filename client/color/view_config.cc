@@ -26,7 +26,7 @@ const char* kind_of(const ViewChoice& choice) {
   return choice.lut_input.empty() ? "an OpenColorIO configuration" : "a LUT, such as look.cube";
 }
 
-// What stands between two texts; empty if they are not there.
+// The part of `text` between `before` and `after`; empty if either is missing.
 std::string between(const std::string& text, const std::string& before, const std::string& after) {
   const size_t begin = text.find(before);
   if (begin == std::string::npos) return "";

@@ -18,7 +18,7 @@ absl::StatusOr<OCIO_NAMESPACE::ConstConfigRcPtr> load_config(const ViewChoice& c
 // The error for what OpenColorIO threw while it used the configuration of `choice`.
 absl::Status unusable(const ViewChoice& choice, const std::exception& thrown);
 
-// What a configuration offers.
+// The displays, views and color spaces of a configuration.
 struct ConfigViews {
   struct Display {
     std::string name;

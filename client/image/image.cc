@@ -92,7 +92,7 @@ const char* words_of(FileKind kind) {
   return "?";
 }
 
-// Of a kind with one picture.
+// Reads a file of a kind that holds one picture: every kind but OpenEXR.
 absl::StatusOr<Image> read_picture(FileKind kind, FileReader& file, const ImageLimits& limits,
                                    const PictureChoice& choice) {
   switch (kind) {

@@ -83,7 +83,7 @@ struct ImageLimits {
 // top one of a PHM file, as ffmpeg writes it. ffmpeg writes PFM files from the top, too.
 enum class RowOrder { kByKind, kTop, kBottom };
 
-// How a file's codes stand for light.
+// The function from a file's codes to light. kGamma is the power 2.2.
 enum class SignalTransfer { kLinear, kSrgb, kGamma, kPq, kHlg };
 
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the
@@ -100,7 +100,7 @@ struct PictureChoice {
   bool own_values = false;
   bool as_floats = false;             // halves become floats
   RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
-  // Of PNG and AVIF files: whatever they say; absent: as they say, or sRGB. kGamma is 2.2.
+  // Of a PNG or AVIF file, in place of the one that it names. Absent: the one that it names, else sRGB.
   std::optional<SignalTransfer> transfer{};
   double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000
   bool keeps_signal = false;  // a PNG's or AVIF file's codes as numbers of 0 .. 1

@@ -29,7 +29,7 @@ absl::Status damaged_avif(const FileReader& file, avifResult result, const avifD
                                                     detail.empty() ? "" : " (" + detail + ")"));
 }
 
-// Where a pixel goes so that the picture is upright: turned counterclockwise, then mirrored.
+// Turns a picture upright, as the file asks: first counterclockwise by quarter turns, then mirrored.
 class Upright {
  public:
   explicit Upright(const avifImage& image)

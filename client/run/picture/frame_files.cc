@@ -21,7 +21,7 @@ ImageFormat image_format(v1::OutputFormat format) {
                                               : ImageFormat::kRgba8;
 }
 
-// Whether a field has a value, other than a message of fields without any.
+// Whether any field has a value. A message within counts only if one of its own fields has one.
 bool sets_a_field(const google::protobuf::Message& message) {
   std::vector<const google::protobuf::FieldDescriptor*> set;
   const google::protobuf::Reflection& reflection = *message.GetReflection();

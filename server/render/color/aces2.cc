@@ -247,7 +247,7 @@ void Aces2::make_cusps(const std::vector<JMh>& corners, const std::vector<V3d>& 
   cusps_.back() = cusps_[1];
 }
 
-// Whether the hull above the cusp encloses the display's gamut at this hue.
+// True if the approximate boundary above the cusp leaves no colour of the display outside, at this hue.
 bool Aces2::contains_hull(const Cusp& cusp, double hue) const {
   for (const double position : {0.01, 0.1, 0.5, 0.8, 0.99}) {
     const Line line = line_through(std::lerp(cusp.J, limit_J_, position), cusp.M, cusp);

@@ -26,7 +26,7 @@ class Aces2 {
   // The same of light with the primaries of AP1.
   std::array<double, 3> display_of_ap1(const std::array<double, 3>& ap1) const;
 
-  // What shaders/glsl/aces2.glsl evaluates it from, four floats an element.
+  // The table that shaders/glsl/aces2.glsl reads: constants, tone curve, hues. Four floats an element.
   std::vector<std::array<float, 4>> elements() const;
 
  private:
@@ -56,7 +56,7 @@ class Aces2 {
     double slope = 0;
   };
 
-  // What chroma compression takes from the peak alone.
+  // The parameters of chroma compression. They depend on the peak only.
   struct Chroma {
     double saturation = 0, threshold = 0, strength = 0, scale = 0;
   };

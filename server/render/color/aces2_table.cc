@@ -84,8 +84,8 @@ void Aces2::add_constants(std::vector<Element>& out) const {
   CHECK(out.size() == shader::ACES2_CONSTANTS);
 }
 
-// Of the display's achromatic response over the scene's, in units of the white's: cubic polynomials with the
-// scale's values and slopes at their ends.
+// Appends the tone curve: from the scene's achromatic response to the display's, in units of white's. Each
+// piece is a cubic polynomial that has the curve's values and slopes at its ends.
 void Aces2::add_tone_pieces(std::vector<Element>& out) const {
   const double white = aces2::response_of(limit_J_);
   // Differences of it would show the last bits of a C library's powers.
