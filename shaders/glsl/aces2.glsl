@@ -41,7 +41,8 @@ void load_aces2() {
   aces2_least_gap = uintBitsToFloat(texelFetch(table_points, 9).a);
 }
 
-const float ACES2_TINY = 1.0e-20;
+// Its square, and the inverse of that, are normal numbers.
+const float ACES2_TINY = 1.0e-12;
 
 float sum_of_products(vec3 x, vec3 y) { return (x.r * y.r + x.g * y.g) + x.b * y.b; }
 

@@ -38,7 +38,7 @@ v1::Settings aces_2_of(v1::Primaries primaries) {
   return settings;
 }
 
-// Any light of 2^-12 .. 2^10, saturated light, and light on the faces of the primaries' cube.
+// Any light of 2^-12 .. 2^10, saturated light, light on the faces of the primaries' cube, and greys.
 std::vector<Color> hostile_colors(size_t count) {
   std::mt19937_64 random(3);
   const auto uniform = [&random](double low, double high) {
@@ -54,6 +54,7 @@ std::vector<Color> hostile_colors(size_t count) {
       v = static_cast<float>(light * part);
     }
     if (i % 3 == 2) colors[i][i / 3 % 3] = 0;
+    if (i % 8 == 7) colors[i].fill(static_cast<float>(light));
   }
   return colors;
 }
