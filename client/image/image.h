@@ -132,6 +132,7 @@ struct WriteOptions {
   // The transfer of the integer formats. A PNG gets an sRGB chunk, or gAMA and cHRM chunks, that say so, and
   // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
+  HdrDisplay hdr{};               // with the transfers kPq and kHlg
   int jpeg_quality = 92;          // 1..100
   bool associated_alpha = false;  // a TIFF says whether its colour is multiplied by alpha
   // Keywords (1..79 characters) and texts for a PNG's tEXt chunks, in Latin-1. Other formats ignore them.

@@ -25,7 +25,7 @@ absl::StatusOr<std::string> encode_image(const PictureView& picture, const v1::S
   const EncodedTransfer transfer = encoded_transfer(settings);
   RETURN_IF_ERROR(encoding == v1::ENCODING_JPEG
                       ? encode_jpeg(picture, {quality, transfer}, append)
-                      : encode_png(picture, {!opaque && keeps_alpha(settings), transfer, {}, 1}, append));
+                      : encode_png(picture, {!opaque && keeps_alpha(settings), transfer, {}, {}, 1}, append));
   file.shrink_to_fit();  // it may wait for a slow client
   return file;
 }

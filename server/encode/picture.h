@@ -12,8 +12,17 @@
 
 namespace candela {
 
-// The transfer function that the picture's values are encoded with.
-enum class EncodedTransfer { kSrgb, kGamma22, kLinear, kUnknown };
+// The transfer function that the picture's values are encoded with: of an SDR picture with the primaries of
+// Rec.709, or, kPq and kHlg, of an HDR one.
+enum class EncodedTransfer { kSrgb, kGamma22, kLinear, kPq, kHlg, kUnknown };
+
+// What a file says of an HDR picture and of the display that it is made for.
+struct HdrDisplay {
+  bool p3 = false;             // the primaries are those of P3-D65, else of Rec.2020
+  double peak_nits = 1000;     // of the display
+  double max_light_nits = 0;   // MaxCLL: the largest of R, G and B of all pixels
+  double mean_light_nits = 0;  // MaxFALL: the mean of each pixel's largest of R, G and B
+};
 
 // Pixels of R, G, B and alpha in the machine's byte order; rows from top to bottom. Does not own the pixels.
 struct PictureView {
@@ -35,6 +44,7 @@ using ByteSink = absl::FunctionRef<bool(const void* bytes, size_t count)>;
 struct PngOptions {
   bool alpha = false;  // else the fourth component is dropped
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
+  HdrDisplay hdr{};                                         // with the transfers kPq and kHlg
   std::vector<std::pair<std::string, std::string>> text{};  // keyword and text, Latin-1
   // That encode stripes of the picture at the same time. 0: one for each CPU of this process that no other
   // picture is being encoded on, and one at least.

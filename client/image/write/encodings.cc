@@ -29,7 +29,7 @@ PictureView picture_of(const Image& image) {
 }
 
 absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
-  return encode_png(picture_of(image), {image.has_alpha, options.transfer, options.text},
+  return encode_png(picture_of(image), {image.has_alpha, options.transfer, options.hdr, options.text},
                     [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
 }
 

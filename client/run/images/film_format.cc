@@ -56,6 +56,10 @@ const char* trc_of(EncodedTransfer transfer) {
       return "bt470m";
     case EncodedTransfer::kLinear:
       return "linear";
+    case EncodedTransfer::kPq:
+      return "smpte2084";
+    case EncodedTransfer::kHlg:
+      return "arib-std-b67";
     case EncodedTransfer::kUnknown:
       break;
   }
