@@ -25,16 +25,21 @@ struct OutputEncoding {
   v1::Alpha alpha;      // that it is meant to hold; UNSPECIFIED: it has none
   v1::Encoding server;  // by which a server encodes it; RAW: only the client does
   bool lossy;           // it loses detail, the less the higher the quality is
+  bool hdr;             // it has words for PQ and HLG
   // Writes an image in one of the formats. Errors of `file` itself may be left to its commit().
   absl::Status (*write)(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 
   const std::string& extension() const { return extensions.front(); }
   bool has_alpha() const { return alpha != v1::ALPHA_UNSPECIFIED; }
   // It is made from 16 bits, whatever it holds.
-  bool is_film() const { return formats.front() == ImageFormat::kRgba16; }
-  bool holds_codes() const { return is_film() || formats.front() == ImageFormat::kRgba8; }
+  bool needs_16_bits() const { return formats.front() == ImageFormat::kRgba16; }
+  bool takes_8_bits() const { return formats.front() == ImageFormat::kRgba8; }
+  // A y4m, which no function here writes.
+  bool is_film() const { return needs_16_bits() && write == nullptr; }
+  bool holds_codes() const { return needs_16_bits() || takes_8_bits(); }
   bool holds_light() const { return !holds_codes(); }
   bool has_quality() const { return lossy; }
+  bool has_hdr() const { return hdr; }
   bool has_straight_alpha() const { return alpha == v1::ALPHA_STRAIGHT; }
   bool has_16_bits() const { return holds_codes() && formats.size() > 1; }
 };

@@ -24,7 +24,7 @@ void add_contact_options(CLI::App& app, ContactArguments& arguments) {
   app.add_option("IN... OUT", arguments.files,
                  absl::StrFormat("IN: images, folders or quoted patterns such as 'in/*.exr'. OUT: the sheet: "
                                  "%s. The longer side of its pictures is %d pixels",
-                                 extensions_with(&OutputEncoding::holds_codes), kSheetCell))
+                                 extensions_with(&OutputEncoding::takes_8_bits), kSheetCell))
       ->required()
       ->option_text(" ");
   add_choice_options(app, options);
@@ -61,8 +61,10 @@ absl::Status finish_contact_options(ContactArguments& arguments) {
   if (!settings.has_output_size()) settings.mutable_output_size()->set_max_side(kSheetCell);
   RETURN_IF_ERROR(finish_picture_options(options, {}, options.output));
   if (settings.output_format() != v1::OUTPUT_FORMAT_RGBA8) {
-    return usage_error(absl::StrFormat("%s holds light; a sheet is a %s", options.output,
-                                       extensions_with(&OutputEncoding::holds_codes)));
+    const bool light = settings.output_format() == v1::OUTPUT_FORMAT_RGBA16F;
+    return usage_error(absl::StrFormat("%s holds %s; a sheet is a %s", options.output,
+                                       light ? "light" : "more than 8 bits",
+                                       extensions_with(&OutputEncoding::takes_8_bits)));
   }
   RETURN_IF_ERROR(finish_locked_exposure(options.locked_exposure, settings, options.previous));
   choose_view_defaults(options, !options.locked_exposure.empty());

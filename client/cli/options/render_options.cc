@@ -117,8 +117,9 @@ absl::Status set_files(RenderArguments& arguments) {
           "IN is \"-\", which has no name for a file in %s; give a file as OUT", options.output));
     }
     std::error_code failed;
-    const bool may_be_read = absl::EndsWithIgnoreCase(input, ".png") &&
-                             (is_pattern(input) || std::filesystem::exists(input, failed));
+    const bool may_be_read =
+        (absl::EndsWithIgnoreCase(input, ".png") || absl::EndsWithIgnoreCase(input, ".avif")) &&
+        (is_pattern(input) || std::filesystem::exists(input, failed));
     if (const auto encoding = output_encoding(input);
         encoding.ok() && (*encoding)->holds_codes() && !may_be_read) {
       return usage_error(absl::StrFormat(

@@ -12,6 +12,7 @@
 #include "client/image/write/standard_output.h"
 #include "client/image/write/writers.h"
 #include "server/base/status_macros.h"
+#include "server/encode/color_words.h"
 
 namespace candela {
 namespace {
@@ -34,10 +35,6 @@ absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions&
 }
 
 absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
-  if (options.jpeg_quality < 1 || options.jpeg_quality > 100) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("JPEG quality %d is not within 1 .. 100", options.jpeg_quality));
-  }
   return encode_jpeg(picture_of(image), {options.jpeg_quality, options.transfer},
                      [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
 }
@@ -49,6 +46,7 @@ const OutputEncoding kEncodings[] = {
      .alpha = v1::ALPHA_STRAIGHT,
      .server = v1::ENCODING_PNG,
      .lossy = false,
+     .hdr = true,
      .write = write_png},
     {.name = "JPEG",
      .extensions = {".jpg", ".jpeg"},
@@ -56,6 +54,7 @@ const OutputEncoding kEncodings[] = {
      .alpha = v1::ALPHA_UNSPECIFIED,
      .server = v1::ENCODING_JPEG,
      .lossy = true,
+     .hdr = false,
      .write = write_jpeg},
     {.name = "TIFF",
      .extensions = {".tif", ".tiff"},
@@ -63,13 +62,23 @@ const OutputEncoding kEncodings[] = {
      .alpha = v1::ALPHA_STRAIGHT,
      .server = v1::ENCODING_RAW,
      .lossy = false,
+     .hdr = false,
      .write = write_tiff},
+    {.name = "AVIF",
+     .extensions = {".avif"},
+     .formats = {ImageFormat::kRgba16},
+     .alpha = v1::ALPHA_STRAIGHT,
+     .server = v1::ENCODING_RAW,
+     .lossy = true,
+     .hdr = true,
+     .write = write_avif},
     {.name = "OpenEXR",
      .extensions = {".exr"},
      .formats = {ImageFormat::kRgba16f, ImageFormat::kRgba32f},
      .alpha = v1::ALPHA_ASSOCIATED,
      .server = v1::ENCODING_RAW,
      .lossy = false,
+     .hdr = false,
      .write = write_exr},
     {.name = "PFM",
      .extensions = {".pfm"},
@@ -77,6 +86,7 @@ const OutputEncoding kEncodings[] = {
      .alpha = v1::ALPHA_UNSPECIFIED,
      .server = v1::ENCODING_RAW,
      .lossy = false,
+     .hdr = false,
      .write = write_pfm},
 };
 
@@ -107,6 +117,37 @@ absl::Status check_image(const OutputEncoding& encoding, const Image& image) {
   return absl::InvalidArgumentError(absl::StrFormat("%s is written from %s, not %s", encoding.name,
                                                     absl::StrJoin(encoding.formats, " or ", names),
                                                     name(image.format)));
+}
+
+absl::Status check_display(const HdrDisplay& hdr) {
+  constexpr double kMostNits = 10000;  // of PQ
+  if (!(hdr.peak_nits > 0 && hdr.peak_nits <= kMostNits)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "the display's peak is %g nit; it must be above 0 and at most %g", hdr.peak_nits, kMostNits));
+  }
+  for (const double nits : {hdr.max_light_nits, hdr.mean_light_nits}) {
+    if (nits >= 0 && nits <= kMostNits) continue;
+    return absl::InvalidArgumentError(
+        absl::StrFormat("the picture's light is %g nit; it must be 0 .. %g", nits, kMostNits));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_options(const OutputEncoding& encoding, const Image& image, const WriteOptions& options) {
+  if (encoding.has_quality() && (options.jpeg_quality < 1 || options.jpeg_quality > 100)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s quality %d is not within 1 .. 100", encoding.name, options.jpeg_quality));
+  }
+  if (!is_hdr(options.transfer) || encoding.holds_light()) return absl::OkStatus();
+  if (!encoding.has_hdr()) {
+    return absl::InvalidArgumentError(absl::StrFormat("%s has no word for PQ or HLG; write %s", encoding.name,
+                                                      extensions_with(&OutputEncoding::has_hdr)));
+  }
+  if (image.format != ImageFormat::kRgba16) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "a picture in PQ or HLG has codes of 16 bits, and this one is %s", name(image.format)));
+  }
+  return check_display(options.hdr);
 }
 
 void note_lost_alpha(const OutputEncoding& encoding, bool had_alpha, Notes& notes) {
@@ -170,7 +211,9 @@ absl::StatusOr<Notes> write_by(const OutputEncoding& encoding, const std::string
     return failure_of(FailureKind::kOutput,
                       absl::Status(status.code(), absl::StrCat(path, ": ", status.message())));
   };
-  if (absl::Status status = check_image(encoding, image); !status.ok()) return fails(status);
+  absl::Status fit = check_options(encoding, image, options);
+  fit.Update(check_image(encoding, image));
+  if (!fit.ok()) return fails(fit);
   ASSIGN_OR_RETURN(AtomicFile file, create());
   Notes notes;
   note_lost_alpha(encoding, image.has_alpha, notes);

@@ -20,6 +20,7 @@ const OutputEncoding kFilm{.name = "y4m",
                            .alpha = v1::ALPHA_UNSPECIFIED,
                            .server = v1::ENCODING_RAW,
                            .lossy = false,
+                           .hdr = true,
                            .write = nullptr};
 const OutputEncoding kPams{.name = "PAM",
                            .extensions = {"PAM"},
@@ -27,6 +28,7 @@ const OutputEncoding kPams{.name = "PAM",
                            .alpha = v1::ALPHA_STRAIGHT,
                            .server = v1::ENCODING_RAW,
                            .lossy = false,
+                           .hdr = false,
                            .write = nullptr};
 
 struct Signal {

@@ -14,7 +14,12 @@ namespace candela {
 
 absl::Status write_exr(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_tiff(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
+absl::Status write_avif(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
 absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions& options, Notes& notes);
+
+// A checked image and options. The same ones give the same bytes with any number of threads. INTERNAL with
+// the reason, or if the sink returned false.
+absl::Status encode_avif(const Image& image, const WriteOptions& options, int threads, ByteSink sink);
 
 // A pixel's width : height as the nearest fraction of 16-bit numbers.
 struct AspectRatio {

@@ -84,6 +84,8 @@ TEST_F(Contact, ABrokenImageIsNamedAndTheOthersAreThere) {
 TEST_F(Contact, WhatCannotBeIsSaid) {
   make_frames(2);
   EXPECT_TRUE(says(candela({"contact", in(), folder_.path("o.exr")}).err, "o.exr holds light; a sheet is a"));
+  EXPECT_TRUE(says(candela({"contact", in(), folder_.path("o.avif")}).err,
+                   "o.avif holds more than 8 bits; a sheet is a .png, .jpg or .tif"));
   EXPECT_TRUE(says(candela({"contact", in()}).err, "contact needs images and a sheet"));
   EXPECT_TRUE(says(candela({"contact", in(), sheet(), "--columns", "0"}).err, "--columns"));
   const std::string file = in() + "/0000.exr";

@@ -126,6 +126,33 @@ TEST_F(SignalInput, AnSdrPictureComesBackAsItWas) {
   }
 }
 
+TEST_F(SignalInput, AnAvifIsAnOutputAndThenAnInput) {
+  const std::string fine = folder_.path("fine.avif"), coarse = folder_.path("coarse.avif"),
+                    more = folder_.path("more") + "/";
+  const std::vector<std::string> render = {"render", light_, out_, "--primaries", "rec2020", "-q"};
+  ASSERT_EQ(candela(render).code, 0);
+  for (const auto& [file, quality] : {std::pair(fine, "100"), {coarse, "5"}}) {
+    ASSERT_EQ(candela({"render", light_, file, "--primaries", "rec2020", "--quality", quality, "-q"}).code,
+              0);
+  }
+  EXPECT_LT(read_file(coarse).size(), read_file(fine).size());
+  EXPECT_TRUE(says(candela({"info", fine}).out, "10 bits, sRGB, from nclx"));
+  // As it was shown, to a code or two of 8 bits.
+  ASSERT_EQ(candela({"render", fine, coarse, more, "--as", "png", "--curve", "linear", "--exposure", "0",
+                     "--bloom-intensity", "0", "-q"})
+                .code,
+            0);
+  const Png shown = read_png(out_), back = read_png(more + "fine.png");
+  for (uint32_t x = 0; x < kRampWidth; ++x) {
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.code(x, 0, c), shown.code(x, 0, c), 2) << x;
+  }
+  const Outcome missing = candela({"render", fine, folder_.path("none.avif"), more});
+  EXPECT_EQ(missing.code, 2);
+  EXPECT_TRUE(says(missing.err, "none.avif is no image that candela can read"));
+  EXPECT_TRUE(says(candela({"render", light_, fine, "--bits", "16"}).err, "fine.avif has its own depth"));
+  EXPECT_TRUE(says(candela({"render", light_, fine, "--bits", "8"}).err, "--bits changes nothing"));
+}
+
 TEST_F(SignalInput, InfoAndPatternsTakeThem) {
   const Outcome info = candela({"info", pq_});
   EXPECT_TRUE(says(info.out, "pq.png: PNG")) << info.out;

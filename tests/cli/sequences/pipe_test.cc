@@ -253,7 +253,7 @@ TEST_F(Pipes, HeldFramesAreInTheVideo) {
 TEST_F(Pipes, RenderTakesAndGivesOneImage) {
   const std::string in = folder_.path("in.exr"), out = folder_.path("out");
   write_small_exr(in, true);
-  for (const char* kind : {"png", "jpg", "tif", "exr", "pfm"}) {
+  for (const char* kind : {"png", "jpg", "tif", "avif", "exr", "pfm"}) {
     const std::string file = out + "." + kind;
     ASSERT_EQ(candela({"render", in, file, "-q"}).code, 0);
     for (const Outcome& piped : {fed(in, {"render", "-", "-", "--as", kind, "-q"}),
@@ -319,7 +319,7 @@ TEST_F(Pipes, WhatCannotBeIsSaidInOneLine) {
   expect_line(candela({"stream", in(), "-", "--pipe", "pam", "--bits", "10"}), 2, "--bits 10 is for y4m");
   expect_line(candela({"stream", in(), "-", "--encoding", "png"}), 2, "--encoding is for images");
   expect_line(candela({"stream", in(), "-", "--quality", "9"}), 2,
-              "--quality is for .jpg; y4m loses nothing");
+              "--quality is for .jpg or .avif; y4m loses nothing");
   expect_line(candela({"render", a, "-", "--as", "gif"}), 2, "unknown kind \"gif\"");
   expect_line(candela({"render", a, all, "-"}), 2, "OUT is \"-\", which takes one image");
   expect_line(candela({"render", "-", folder_.path("o/")}), 2, "which has no name for a file in");

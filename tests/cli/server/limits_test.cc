@@ -143,7 +143,7 @@ TEST_F(Limits, APictureNeedsAPlainFile) {
   EXPECT_EQ(device.code, 2) << device.err;
   EXPECT_EQ(device.err,
             "candela: error: /dev/full: images are not written as ''; use .png, .jpg, .jpeg, .tif, .tiff, "
-            ".exr or .pfm\n");
+            ".avif, .exr or .pfm\n");
   EXPECT_EQ(folder_.list(), before);
   EXPECT_EQ(std::filesystem::read_symlink(full), "/dev/full");
 }

@@ -183,7 +183,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
 
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output, const OutputEncoding& encoding) {
-  if (arguments.bits == 10 && !encoding.is_film()) {
+  if (arguments.bits == 10 && !encoding.needs_16_bits()) {
     return usage_error(absl::StrFormat("--bits 10 is for y4m and films; %s has another depth", output));
   }
   if (arguments.bits == 16 && !encoding.has_16_bits()) {
@@ -194,9 +194,10 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
     return usage_error(absl::StrFormat("--quality is for %s; %s loses nothing",
                                        extensions_with(&OutputEncoding::has_quality), output));
   }
-  options.settings.set_output_format(encoding.holds_light()                       ? v1::OUTPUT_FORMAT_RGBA16F
-                                     : arguments.bits == 16 || encoding.is_film() ? v1::OUTPUT_FORMAT_RGBA16
-                                                                                  : v1::OUTPUT_FORMAT_RGBA8);
+  options.settings.set_output_format(encoding.holds_light() ? v1::OUTPUT_FORMAT_RGBA16F
+                                     : arguments.bits == 16 || encoding.needs_16_bits()
+                                         ? v1::OUTPUT_FORMAT_RGBA16
+                                         : v1::OUTPUT_FORMAT_RGBA8);
   choose_alpha(options, encoding, output);
   options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
   options.write.transfer = encoded_transfer(options.settings);
