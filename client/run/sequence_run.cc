@@ -107,8 +107,9 @@ absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const S
   alone.said_rate = frames.said_rate();
   std::unique_ptr<FilmFile> film;
   if (options.film) {
-    ASSIGN_OR_RETURN(film, FilmFile::open(options.output, film_command(*options.film, options.write.transfer,
-                                                                       FilmFile::kOutput)));
+    const WriteOptions& write = options.write;
+    ASSIGN_OR_RETURN(film, FilmFile::open(options.output, film_command(*options.film, write.transfer,
+                                                                       write.hdr, FilmFile::kOutput)));
   }
   const std::unique_ptr<FrameSink> images = make_sink(options, plan, film.get(), events, summary);
   HeldFrames held(options, shot, plan, std::move(alone), run.run().link(), *images, summary);

@@ -6,12 +6,19 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
+#include "client/base/usage.h"
 #include "client/image/write/writers.h"
+#include "server/encode/color_words.h"
 
 namespace candela {
 namespace {
 
-constexpr float kRedLuma = .2126f, kGreenLuma = .7152f, kBlueLuma = .0722f;
+// The shares of R, G and B in luma, and what B - Y and R - Y are divided by.
+struct LumaMatrix {
+  float red, green, blue, cb, cr;
+};
+constexpr LumaMatrix kRec709Luma{.2126f, .7152f, .0722f, 1.8556f, 1.5748f};
+constexpr LumaMatrix kRec2020Luma{.2627f, .6780f, .0593f, 1.8814f, 1.4746f};
 constexpr char kFrame[] = "FRAME\n";
 
 const OutputEncoding kFilm{.name = "y4m",
@@ -39,17 +46,20 @@ struct Signal {
 template <typename Sample>
 class Coder {
  public:
-  Coder(int bits, int weight)
-      : scale_(static_cast<float>(1 << (bits - 8))), one_(scale_ / (65535.0f * static_cast<float>(weight))) {}
+  Coder(const PipeFormat& format, int weight)
+      : matrix_(format.rec2020 ? kRec2020Luma : kRec709Luma),
+        scale_(static_cast<float>(1 << (format.bits - 8))),
+        one_(scale_ / (65535.0f * static_cast<float>(weight))) {}
 
   Sample luma(Signal c) const { return rounded(scale_ * 16 + one_ * 219 * y(c)); }
-  Sample cb(Signal c) const { return rounded(scale_ * 128 + one_ * (224 / 1.8556f) * (c.b - y(c))); }
-  Sample cr(Signal c) const { return rounded(scale_ * 128 + one_ * (224 / 1.5748f) * (c.r - y(c))); }
+  Sample cb(Signal c) const { return rounded(scale_ * 128 + one_ * (224 / matrix_.cb) * (c.b - y(c))); }
+  Sample cr(Signal c) const { return rounded(scale_ * 128 + one_ * (224 / matrix_.cr) * (c.r - y(c))); }
 
  private:
-  static float y(Signal c) { return kRedLuma * c.r + kGreenLuma * c.g + kBlueLuma * c.b; }
+  float y(Signal c) const { return matrix_.red * c.r + matrix_.green * c.g + matrix_.blue * c.b; }
   static Sample rounded(float code) { return static_cast<Sample>(static_cast<int>(code + 0.5f)); }
 
+  LumaMatrix matrix_;
   float scale_, one_;
 };
 
@@ -66,13 +76,14 @@ Signal three_at(const uint16_t* row, size_t x, size_t width) {
 }
 
 template <typename Sample>
-void make_planes(int bits, bool halved, const Image& picture, std::byte* to) {
+void make_planes(const PipeFormat& format, const Image& picture, std::byte* to) {
+  const bool halved = format.kind == PipeKind::kY4m420;
   const size_t width = picture.width, height = picture.height;
   const auto row_at = [&picture](size_t y) {
     return reinterpret_cast<const uint16_t*>(picture.pixels.data() + y * picture.row_bytes());
   };
   auto* sample = reinterpret_cast<Sample*>(to);
-  const Coder<Sample> pixels(bits, 1), blocks(bits, 8);
+  const Coder<Sample> pixels(format, 1), blocks(format, 8);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) *sample++ = pixels.luma(pixel_at(row_at(y), x));
   }
@@ -117,6 +128,19 @@ void make_pam(const Image& picture, std::vector<std::byte>& bytes) {
 
 const OutputEncoding& piped_encoding(PipeKind kind) { return kind == PipeKind::kPam ? kPams : kFilm; }
 
+absl::StatusOr<PipeFormat> pipe_format(PipeKind kind, int bits, EncodedTransfer transfer,
+                                       const HdrDisplay& hdr) {
+  PipeFormat format{kind, bits};
+  if (!is_hdr(transfer)) {
+    if (bits == 0) format.bits = 8;
+    return format;
+  }
+  if (bits == 8) return usage_error("--bits 8: PQ and HLG have bands in 8 bits; leave it out");
+  if (bits == 0) format.bits = kind == PipeKind::kPam ? 16 : 10;
+  format.rec2020 = !hdr.p3;
+  return format;
+}
+
 std::string film_header(const PipeFormat& format, uint32_t width, uint32_t height, double pixel_aspect,
                         FrameRate rate) {
   if (format.kind == PipeKind::kPam) return "";
@@ -130,8 +154,7 @@ std::string film_header(const PipeFormat& format, uint32_t width, uint32_t heigh
 
 void make_piped_frame(const PipeFormat& format, const Image& picture, std::vector<std::byte>& bytes) {
   if (format.kind == PipeKind::kPam) return make_pam(picture, bytes);
-  const bool halved = format.kind == PipeKind::kY4m420;
-  const size_t step = halved ? 2 : 1, sample = format.bits > 8 ? 2 : 1;
+  const size_t step = format.kind == PipeKind::kY4m420 ? 2 : 1, sample = format.bits > 8 ? 2 : 1;
   const size_t luma = size_t{picture.width} * picture.height,
                chroma = ((picture.width + step - 1) / step) * ((picture.height + step - 1) / step);
   constexpr size_t kHead = sizeof kFrame - 1;
@@ -140,9 +163,9 @@ void make_piped_frame(const PipeFormat& format, const Image& picture, std::vecto
   bytes.resize(kHead + (luma + 2 * chroma) * sample);
   std::memcpy(bytes.data(), kFrame, kHead);
   if (sample == 1) {
-    make_planes<uint8_t>(format.bits, halved, picture, bytes.data() + kHead);
+    make_planes<uint8_t>(format, picture, bytes.data() + kHead);
   } else {
-    make_planes<uint16_t>(format.bits, halved, picture, bytes.data() + kHead);
+    make_planes<uint16_t>(format, picture, bytes.data() + kHead);
   }
 }
 

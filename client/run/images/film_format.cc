@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/usage.h"
+#include "server/encode/color_words.h"
 
 namespace candela {
 namespace {
@@ -27,10 +28,7 @@ constexpr FilmContainer kContainers[] = {{".mp4", "mp4", "h264", true},
 // libaom and not SVT-AV1: that of Debian 12 hangs if ffmpeg fails.
 const FilmCodec kCodecs[] = {
     {"h264", {".mp4", ".mov", ".mkv"}, false, {"-c:v", "libx264", "-preset", "medium", "-crf", "18"}},
-    {"hevc",
-     {".mp4", ".mov", ".mkv"},
-     false,
-     {"-c:v", "libx265", "-preset", "medium", "-crf", "20", "-x265-params", "log-level=error"}},
+    {"hevc", {".mp4", ".mov", ".mkv"}, false, {"-c:v", "libx265", "-preset", "medium", "-crf", "20"}},
     {"av1",
      {".mp4", ".mkv", ".webm"},
      false,
@@ -64,6 +62,30 @@ const char* trc_of(EncodedTransfer transfer) {
       break;
   }
   return "unknown";
+}
+
+// An HDR film's primaries decide its matrix, too.
+const char* primaries_of(EncodedTransfer transfer, const HdrDisplay& hdr) {
+  if (is_hdr(transfer)) return hdr.p3 ? "smpte432" : "bt2020";
+  return transfer == EncodedTransfer::kUnknown ? "unknown" : "bt709";
+}
+
+const char* matrix_of(EncodedTransfer transfer, const HdrDisplay& hdr) {
+  return is_hdr(transfer) && !hdr.p3 ? "bt2020nc" : "bt709";
+}
+
+std::string point_words(const char* name, DisplayPoint point) {
+  return absl::StrFormat("%s(%d,%d)", name, point[0], point[1]);
+}
+
+// What ffmpeg has no option for. The light levels (max-cll) are not known before the film is made.
+std::string x265_params(EncodedTransfer transfer, const HdrDisplay& hdr) {
+  std::string params = "log-level=error";
+  if (transfer != EncodedTransfer::kPq) return params;
+  const DisplayPoints points = display_points(hdr);
+  return params + ":hdr10=1:repeat-headers=1:master-display=" + point_words("G", points.green) +
+         point_words("B", points.blue) + point_words("R", points.red) + point_words("WP", points.white) +
+         absl::StrFormat("L(%d,1)", luminance_units(hdr.peak_nits));  // H.265 knows no least luminance of 0
 }
 
 std::string pixels_of(const FilmFormat& film) {
@@ -109,26 +131,27 @@ absl::StatusOr<FilmFormat> film_format(const std::string& path, const std::strin
   return film;
 }
 
-PipeFormat piped_for(const FilmFormat& film) {
-  const bool full = film.full_chroma || film.codec->deep;
-  return {full ? PipeKind::kY4m444 : PipeKind::kY4m420, film.bits};
+PipeFormat piped_for(const FilmFormat& film, PipeFormat asked) {
+  if (film.codec->deep) asked.kind = PipeKind::kY4m444;
+  asked.bits = film.bits;
+  return asked;
 }
 
-std::vector<std::string> film_command(const FilmFormat& film, EncodedTransfer transfer,
+std::vector<std::string> film_command(const FilmFormat& film, EncodedTransfer transfer, const HdrDisplay& hdr,
                                       const std::string& output) {
   const FilmContainer& container = *container_of(film.extension);
-  const char* primaries = transfer == EncodedTransfer::kUnknown ? "unknown" : "bt709";
+  const bool is_hevc = film.codec->word == std::string("hevc");
   std::vector<std::string> words = {"ffmpeg", "-hide_banner", "-loglevel",    "error", "-xerror",
                                     "-y",     "-f",           "yuv4mpegpipe", "-i",    "-"};
   // Options of the output would not do: ffmpeg takes an encoder's tags from its frames.
-  words.insert(words.end(),
-               {"-vf", absl::StrFormat("setparams=range=tv:color_primaries=%s:color_trc=%s:colorspace=bt709",
-                                       primaries, trc_of(transfer))});
+  words.insert(
+      words.end(),
+      {"-vf", absl::StrFormat("setparams=range=tv:color_primaries=%s:color_trc=%s:colorspace=%s",
+                              primaries_of(transfer, hdr), trc_of(transfer), matrix_of(transfer, hdr))});
   words.insert(words.end(), film.codec->options.begin(), film.codec->options.end());
+  if (is_hevc) words.insert(words.end(), {"-x265-params", x265_params(transfer, hdr)});
   if (film.codec->deep) words.insert(words.end(), {"-profile:v", film.full_chroma ? "4444" : "hq"});
-  if (container.is_quicktime && film.codec->word == std::string("hevc")) {
-    words.insert(words.end(), {"-tag:v", "hvc1"});
-  }
+  if (container.is_quicktime && is_hevc) words.insert(words.end(), {"-tag:v", "hvc1"});
   words.insert(words.end(), {"-pix_fmt", pixels_of(film)});
   if (container.is_quicktime) words.insert(words.end(), {"-movflags", "+faststart"});
   words.insert(words.end(), {"-f", container.muxer, output});

@@ -39,13 +39,15 @@ std::string film_extension(const std::string& path);
 absl::StatusOr<FilmFormat> film_format(const std::string& path, const std::string& codec, bool full_chroma,
                                        int bits);
 
-// What ffmpeg gets on its standard input. ProRes of 4:2:2 is made from 4:4:4.
-PipeFormat piped_for(const FilmFormat& film);
+// What ffmpeg gets on its standard input, where the user asked for the chroma and matrix of `asked`. ProRes
+// of 4:2:2 is made from 4:4:4.
+PipeFormat piped_for(const FilmFormat& film, PipeFormat asked);
 
 // ffmpeg and its arguments, for a film with this transfer that is written to `output`. Frames are tagged with
 // the primaries of Rec.709, unless the transfer is unknown as that of an OpenColorIO view, and with the
-// matrix and range of a y4m.
-std::vector<std::string> film_command(const FilmFormat& film, EncodedTransfer transfer,
+// matrix and range of a y4m. With PQ and HLG the primaries are those of `hdr`, and an HEVC in PQ says which
+// display it is made for.
+std::vector<std::string> film_command(const FilmFormat& film, EncodedTransfer transfer, const HdrDisplay& hdr,
                                       const std::string& output);
 
 }  // namespace candela

@@ -52,7 +52,8 @@ std::string places_of(const StreamOptions& options, const StreamPlan& plan, cons
 // What ffmpeg is started with, for a shell. A film's file has its name only at the end.
 std::string command_line(const StreamOptions& options) {
   std::string line;
-  for (const std::string& word : film_command(*options.film, options.write.transfer, options.output)) {
+  const WriteOptions& write = options.write;
+  for (const std::string& word : film_command(*options.film, write.transfer, write.hdr, options.output)) {
     const bool plain = word.find_first_not_of(
                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
                            "-_=:+./,") == std::string::npos;

@@ -33,17 +33,22 @@ struct PipeWord {
 constexpr PipeWord kPipes[] = {
     {"y4m", PipeKind::kY4m420}, {"y4m444", PipeKind::kY4m444}, {"pam", PipeKind::kPam}};
 
-// The film that ffmpeg makes of what it gets.
-absl::Status finish_film(StreamArguments& arguments) {
+absl::Status check_film(const StreamArguments& arguments, PipeKind kind) {
+  if (kind == PipeKind::kPam) return usage_error("--pipe pam is for standard output; a film is of y4m");
+  if (arguments.picture.quality == 0) return absl::OkStatus();
+  return usage_error(absl::StrFormat("--quality is for %s; -v tells a film's command line, which has its own",
+                                     extensions_with(&OutputEncoding::has_quality)));
+}
+
+// What is asked for, and the film that ffmpeg makes of it. The picture's options are finished.
+absl::Status choose_formats(StreamArguments& arguments, PipeKind kind, bool film) {
   StreamOptions& options = arguments.options;
-  PipeFormat& pipe = *options.pipe;
-  if (pipe.kind == PipeKind::kPam) return usage_error("--pipe pam is for standard output; a film is of y4m");
-  if (arguments.picture.quality != 0) {
-    return usage_error("--quality is for .jpg; -v tells a film's command line, which has its own");
-  }
-  ASSIGN_OR_RETURN(options.film, film_format(options.output, arguments.codec, pipe.kind == PipeKind::kY4m444,
-                                             arguments.picture.bits));
-  pipe = piped_for(*options.film);
+  const int bits = arguments.picture.bits;
+  ASSIGN_OR_RETURN(options.pipe, pipe_format(kind, bits, options.write.transfer, options.write.hdr));
+  if (!film) return absl::OkStatus();
+  ASSIGN_OR_RETURN(options.film, film_format(options.output, arguments.codec, kind == PipeKind::kY4m444,
+                                             options.pipe->bits == 10 ? 10 : bits));
+  options.pipe = piped_for(*options.film, *options.pipe);
   return absl::OkStatus();
 }
 
@@ -66,20 +71,20 @@ absl::Status finish_pipe(StreamArguments& arguments) {
                                        options.output, film ? "codec" : "pipe"));
   }
   if (options.first) options.notes.emplace_back("--first changes nothing: these frames have no numbers");
-  options.pipe = PipeFormat{};
+  PipeKind kind = PipeKind::kY4m420;
   if (!arguments.pipe.empty()) {
     std::vector<std::string> words;
     for (const PipeWord& known : kPipes) words.emplace_back(known.word);
     const auto* const found = std::ranges::find(kPipes, arguments.pipe, &PipeWord::word);
     if (found == std::end(kPipes)) return unknown_word("--pipe word", arguments.pipe, words);
-    options.pipe->kind = found->kind;
+    kind = found->kind;
   }
-  if (arguments.picture.bits != 0) options.pipe->bits = arguments.picture.bits;
   if (film) {
-    RETURN_IF_ERROR(finish_film(arguments));
+    RETURN_IF_ERROR(check_film(arguments, kind));
   }
-  const OutputEncoding& encoding = piped_encoding(options.pipe->kind);
-  return finish_picture_options(options, arguments.picture, encoding.name, encoding);
+  const OutputEncoding& encoding = piped_encoding(kind);
+  RETURN_IF_ERROR(finish_picture_options(options, arguments.picture, encoding.name, encoding));
+  return choose_formats(arguments, kind, film);
 }
 
 // What goes to files.

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "client/base/usage.h"
 #include "tests/support/status.h"
 
 namespace candela {
@@ -39,10 +40,11 @@ Signals random_signals(uint32_t width, uint32_t height) {
   return made;
 }
 
-// The planes of BT.709 in float64, from the unrounded signals: luma, Cb, Cr.
+// The planes of BT.709 or BT.2020 in float64, from the unrounded signals: luma, Cb, Cr.
 std::vector<double> twin(const Signals& from, const PipeFormat& format) {
   const int width = static_cast<int>(from.picture.width), height = static_cast<int>(from.picture.height);
-  const double scale = std::exp2(format.bits - 8), kr = .2126, kb = .0722;
+  const double scale = std::exp2(format.bits - 8);
+  const double kr = format.rec2020 ? .2627 : .2126, kb = format.rec2020 ? .0593 : .0722;
   const auto signal = [&](int x, int y, int c) {
     const int i = std::min(y, height - 1) * width + std::clamp(x, 0, width - 1);
     return from.rgb[static_cast<size_t>(3 * i + c)];
@@ -95,23 +97,25 @@ std::vector<int> codes_of(const std::vector<std::byte>& frame, int bits) {
 
 TEST(PipedFrames, AVideoIsWithinHalfACodeOfFloat64) {
   for (const PipeKind kind : {PipeKind::kY4m420, PipeKind::kY4m444}) {
-    for (const int bits : {8, 10}) {
+    for (const auto& [bits, rec2020] : {std::pair(8, false), {10, false}, {10, true}}) {
       double most = 0;
       for (const auto& [width, height] : {std::pair(257, 129), {1, 1}, {1, 2}, {2, 1}, {3, 3}, {64, 2}}) {
         const Signals signals = random_signals(static_cast<uint32_t>(width), static_cast<uint32_t>(height));
         std::vector<std::byte> frame;
-        make_piped_frame({kind, bits}, signals.picture, frame);
+        make_piped_frame({kind, bits, rec2020}, signals.picture, frame);
         ASSERT_EQ(text_of(frame).substr(0, 6), "FRAME\n");
         const std::vector<int> codes = codes_of(frame, bits);
-        const std::vector<double> exact = twin(signals, {kind, bits});
+        const std::vector<double> exact = twin(signals, {kind, bits, rec2020});
         ASSERT_EQ(codes.size(), exact.size()) << width << "x" << height;
         for (size_t i = 0; i < codes.size(); ++i) most = std::max(most, std::fabs(codes[i] - exact[i]));
       }
       // Half a code is the rounding; the codes of 16 bits are the rest.
       EXPECT_LE(most, bits == 8 ? 0.503 : 0.508) << bits;
-      RecordProperty((kind == PipeKind::kY4m420 ? "most_420_" : "most_444_") + std::to_string(bits),
+      RecordProperty((kind == PipeKind::kY4m420 ? "most_420_" : "most_444_") + std::to_string(bits) +
+                         (rec2020 ? "_rec2020" : ""),
                      std::to_string(most));
-      printf("%s, %d bits: at most %.4f codes\n", kind == PipeKind::kY4m420 ? "4:2:0" : "4:4:4", bits, most);
+      printf("%s, %d bits%s: at most %.4f codes\n", kind == PipeKind::kY4m420 ? "4:2:0" : "4:4:4", bits,
+             rec2020 ? ", BT.2020" : "", most);
     }
   }
 }
@@ -142,6 +146,46 @@ TEST(PipedFrames, BlackAndWhiteAndTheirChromaAreTheStandards) {
       for (size_t i = 0; i < 24; ++i) EXPECT_EQ(codes[i], scale * (i >= 16 ? 128 : code == 0 ? 16 : 235));
     }
   }
+}
+
+// 10-bit codes of BT.2020's primary colours, by hand: 64 + 876 K, and 512 + 896 (1 - K) / (2 (1 - K)) = 960
+// of the colour's own difference.
+TEST(PipedFrames, TheCodesOfRec2020AreTheStandards) {
+  const struct {
+    uint16_t rgb[3];
+    int codes[3];  // luma, Cb, Cr
+  } colours[] = {{{65535, 0, 0}, {294, 387, 960}},
+                 {{0, 65535, 0}, {658, 189, 100}},
+                 {{0, 0, 65535}, {116, 960, 476}},
+                 {{65535, 65535, 65535}, {940, 512, 512}}};
+  for (const auto& [rgb, codes] : colours) {
+    Image picture = *make_image(1, 1, ImageFormat::kRgba16);
+    std::memcpy(picture.pixels.data(), rgb, sizeof rgb);
+    std::vector<std::byte> frame;
+    make_piped_frame({PipeKind::kY4m444, 10, true}, picture, frame);
+    EXPECT_EQ(codes_of(frame, 10), std::vector<int>(std::begin(codes), std::end(codes)));
+  }
+}
+
+TEST(PipedFrames, PqAndHlgHaveTenBitsAndTheMatrixOfTheirPrimaries) {
+  for (const auto transfer : {EncodedTransfer::kPq, EncodedTransfer::kHlg}) {
+    for (const int bits : {0, 10}) {
+      ASSERT_OK_AND_ASSIGN(const PipeFormat wide, pipe_format(PipeKind::kY4m420, bits, transfer, {}));
+      EXPECT_EQ(wide.bits, 10);
+      EXPECT_TRUE(wide.rec2020);
+      ASSERT_OK_AND_ASSIGN(const PipeFormat p3, pipe_format(PipeKind::kY4m444, bits, transfer, {.p3 = true}));
+      EXPECT_EQ(p3.bits, 10);
+      EXPECT_FALSE(p3.rec2020);
+    }
+    EXPECT_EQ(pipe_format(PipeKind::kPam, 0, transfer, {})->bits, 16);
+    const absl::Status refused = pipe_format(PipeKind::kY4m420, 8, transfer, {}).status();
+    EXPECT_TRUE(is_usage_error(refused));
+    EXPECT_EQ(refused.message(), "--bits 8: PQ and HLG have bands in 8 bits; leave it out");
+  }
+  ASSERT_OK_AND_ASSIGN(const PipeFormat sdr, pipe_format(PipeKind::kY4m420, 0, EncodedTransfer::kSrgb, {}));
+  EXPECT_EQ(sdr.bits, 8);
+  EXPECT_FALSE(sdr.rec2020);
+  EXPECT_EQ(pipe_format(PipeKind::kY4m420, 10, EncodedTransfer::kSrgb, {})->bits, 10);
 }
 
 TEST(PipedFrames, APamHoldsTheCodesAndTheAlpha) {
