@@ -202,6 +202,16 @@ TEST_F(HdrFiles, AnAvifHoldsTenBitsOfFullColourAndSaysItsSignal) {
   }
 }
 
+TEST_F(HdrFiles, AnAvifOfAnySizeComesBack) {
+  for (const auto& [width, height] : {std::pair(1, 1), {2, 1}, {1, 9}, {65, 3}, {7, 130}}) {
+    const Image image = waves(static_cast<uint32_t>(width), static_cast<uint32_t>(height), height > 8);
+    const std::string file = write("a.avif", image, {.transfer = EncodedTransfer::kHlg, .jpeg_quality = 100});
+    EXPECT_EQ(decoded(file)->image->width, image.width);
+    EXPECT_EQ(decoded(file)->image->height, image.height);
+    EXPECT_LE(most_off("a.avif", image), 2) << width << "x" << height;
+  }
+}
+
 TEST_F(HdrFiles, AnAvifInPqIsReadAsTheLightOfItsDisplay) {
   // A grey of 203 nit, which is reference white, has the PQ code .5807 (ITU-R BT.2408).
   Image image = *make_image(16, 16, ImageFormat::kRgba16);
