@@ -236,7 +236,8 @@ TEST_F(ImageWriter, RoundTripsPfmAndSaysWhatItLost) {
 
 TEST_F(ImageWriter, ListsTheExtensionsForAnUnknownOne) {
   for (const char* name : {"out.webp", "out", "png", ".png", "out.png.bak"}) {
-    EXPECT_REFUSED(kInvalidArgument, ".png, .jpg, .jpeg, .tif, .tiff, .avif, .exr or .pfm", output_encoding(name));
+    EXPECT_REFUSED(kInvalidArgument, ".png, .jpg, .jpeg, .tif, .tiff, .avif, .exr or .pfm",
+                   output_encoding(name));
   }
   EXPECT_STREQ((*output_encoding("a.b/out.JPEG"))->name, "JPEG");
   EXPECT_STREQ((*output_encoding("out.Png"))->name, "PNG");
