@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_format.h"
+#include "server/encode/jpeg_codes.h"
 #include "server/encode/picture.h"
 
 namespace candela {
@@ -34,7 +35,7 @@ struct Encoded {
 };
 
 // False on failure. It has no locals with destructors, because libjpeg leaves it by longjmp.
-bool encode(jpeg_compress_struct& codec, JpegFailure& failure, Encoded& out, const PictureView& picture,
+bool encode(jpeg_compress_struct& codec, JpegFailure& failure, Encoded& out, const JpegCodes& codes,
             int quality, const std::string& profile) {
   codec.err = jpeg_std_error(&failure.manager);
   failure.manager.error_exit = on_error;
@@ -42,10 +43,12 @@ bool encode(jpeg_compress_struct& codec, JpegFailure& failure, Encoded& out, con
   if (setjmp(failure.leave) != 0) return false;
   jpeg_create_compress(&codec);
   jpeg_mem_dest(&codec, &out.bytes, &out.size);
-  codec.image_width = picture.width;
-  codec.image_height = picture.height;
-  codec.input_components = 4;
-  codec.in_color_space = JCS_EXT_RGBX;  // libjpeg-turbo: the fourth component is skipped
+  codec.image_width = codes.width;
+  codec.image_height = codes.height;
+  codec.input_components = codes.pixel == JpegPixel::kGrey ? 1 : codes.pixel == JpegPixel::kRgb ? 3 : 4;
+  codec.in_color_space = codes.pixel == JpegPixel::kGrey  ? JCS_GRAYSCALE
+                         : codes.pixel == JpegPixel::kRgb ? JCS_RGB
+                                                          : JCS_EXT_RGBX;  // only libjpeg-turbo has it
   jpeg_set_defaults(&codec);
   jpeg_set_quality(&codec, quality, TRUE);
   for (int i = 0; i < codec.num_components; ++i) {
@@ -53,15 +56,15 @@ bool encode(jpeg_compress_struct& codec, JpegFailure& failure, Encoded& out, con
   }
   // Dots per unit, where the unit has no size. Wider pixels mean fewer dots.
   codec.density_unit = 0;
-  codec.X_density = picture.aspect_height;
-  codec.Y_density = picture.aspect_width;
+  codec.X_density = codes.aspect_height;
+  codec.Y_density = codes.aspect_width;
   jpeg_start_compress(&codec, TRUE);
   if (!profile.empty()) {
     jpeg_write_icc_profile(&codec, reinterpret_cast<const JOCTET*>(profile.data()),
                            static_cast<unsigned>(profile.size()));
   }
-  for (uint32_t y = 0; y < picture.height; ++y) {
-    auto* row = reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(picture.row(y)));
+  for (uint32_t y = 0; y < codes.height; ++y) {
+    auto* row = reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(codes.rows + y * codes.row_stride_bytes));
     jpeg_write_scanlines(&codec, &row, 1);
   }
   jpeg_finish_compress(&codec);
@@ -70,11 +73,12 @@ bool encode(jpeg_compress_struct& codec, JpegFailure& failure, Encoded& out, con
 
 }  // namespace
 
-absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink) {
+absl::Status encode_jpeg_codes(const JpegCodes& codes, int quality, const std::string& profile,
+                               ByteSink sink) {
   jpeg_compress_struct codec{};
   JpegFailure failure;
   Encoded encoded;
-  const bool whole = encode(codec, failure, encoded, picture, options.quality, icc_profile(options.transfer));
+  const bool whole = encode(codec, failure, encoded, codes, quality, profile);
   jpeg_destroy_compress(&codec);
   if (!whole) {
     // Do not free encoded.bytes: libjpeg may have freed them already while growing the buffer. A rare leak is
@@ -84,6 +88,13 @@ absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options,
   const bool taken = sink(encoded.bytes, encoded.size);
   std::free(encoded.bytes);
   return taken ? absl::OkStatus() : absl::InternalError("cannot encode the JPEG: write failed");
+}
+
+absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink) {
+  const JpegCodes codes{picture.width,        picture.height,           JpegPixel::kRgbx,
+                        picture.rows,         picture.row_stride_bytes, picture.aspect_width,
+                        picture.aspect_height};
+  return encode_jpeg_codes(codes, options.quality, icc_profile(options.transfer), sink);
 }
 
 }  // namespace candela

@@ -1,0 +1,32 @@
+// The segments of a JPEG file. Source: ITU-T T.81, annex B.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+
+namespace candela {
+
+inline constexpr uint8_t kApp0 = 0xe0, kApp1 = 0xe1, kApp2 = 0xe2;
+
+struct JpegSegment {
+  uint8_t marker = 0;      // its second byte, such as kApp1
+  absl::string_view body;  // what follows the length
+};
+
+struct JpegSegments {
+  std::vector<JpegSegment> before_scans;  // in the file's order
+  size_t after_head = 0;                  // where the first segment that is neither APP0 nor APP1 begins
+  size_t end = 0;                         // where the picture ends; 0: its end is missing
+};
+
+// Finds the segments of the picture that begins with the first byte. The result points into `file`. What is
+// between the scans and behind the picture is skipped. INVALID_ARGUMENT, with a message that begins with no
+// name, if no picture begins there, a segment before the scans is not whole, or there are more than 4096.
+absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file);
+
+}  // namespace candela
