@@ -88,6 +88,8 @@ const char* words_of(FileKind kind) {
       return "PNG";
     case FileKind::kAvif:
       return "AVIF";
+    case FileKind::kJpeg:
+      return "JPEG";
   }
   return "?";
 }
@@ -102,6 +104,8 @@ absl::StatusOr<Image> read_picture(FileKind kind, FileReader& file, const ImageL
       return read_png(file, limits, choice);
     case FileKind::kAvif:
       return read_avif(file, limits, choice);
+    case FileKind::kJpeg:
+      return read_jpeg(file, limits, choice);
     default:
       return read_pfm(file, limits, choice);
   }
@@ -111,10 +115,11 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
                                      const PictureChoice& choice) {
   if (!file.ok()) return file.status();
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
-  const bool has_signal = kind == FileKind::kPng || kind == FileKind::kAvif;
+  const bool has_signal = kind == FileKind::kPng || kind == FileKind::kAvif || kind == FileKind::kJpeg;
   if (choice.transfer && !has_signal) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: --input-transfer is for PNG and AVIF files; %s files hold light", file->path(), words_of(kind)));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: --input-transfer is for PNG, AVIF and JPEG files; %s files hold light",
+                        file->path(), words_of(kind)));
   }
   if (kind == FileKind::kExr) return read_exr(*file, limits, choice);
   if (!choice.empty()) {

@@ -1,5 +1,5 @@
-// Reads and writes image files: reads OpenEXR, Radiance .hdr, PFM, PNG and AVIF; client/image/encodings.h
-// lists what it writes.
+// Reads and writes image files: reads OpenEXR, Radiance .hdr, PFM, PNG, AVIF and JPEG;
+// client/image/encodings.h lists what it writes.
 //
 // It needs no network and no device. Any thread may call these functions, also at once on different images.
 // OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
@@ -46,9 +46,10 @@ struct Image {
   std::optional<FrameRate> frame_rate;  // of the sequence that the image belongs to
   // CIE 1931 xy of red, green, blue and white: rx ry gx gy bx by wx wy. Without them: Rec.709 and D65.
   std::optional<std::array<float, 8>> chromaticities;
-  // The light of a display, of a PQ or HLG signal: 1 is reference white, and nothing is to be metered.
+  // The light of a display, of a PQ or HLG signal or a gain map: 1 is reference white, and nothing is to be
+  // metered.
   bool display_light = false;
-  std::string signal;            // of a PNG or AVIF file: "10 bits, PQ, from nclx"; "" of others
+  std::string signal;            // of a PNG, AVIF or JPEG file: "10 bits, PQ, from nclx"; "" of others
   bool names_primaries = false;  // the file says what its primaries are, which may be Rec.709
   uint64_t missing_pixels = 0;   // of an unfinished or damaged file: absent, which is 0 with alpha 0
   std::shared_ptr<const KeptAttributes> kept;  // what an OpenEXR output keeps of an OpenEXR input; or null
@@ -100,16 +101,16 @@ struct PictureChoice {
   bool own_values = false;
   bool as_floats = false;             // halves become floats
   RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
-  // Of a PNG or AVIF file, in place of the one that it names. Absent: the one that it names, else sRGB.
+  // Of a PNG, AVIF or JPEG file, in place of the one that it names. Absent: the one that it names, else sRGB.
   std::optional<SignalTransfer> transfer{};
   double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000
-  bool keeps_signal = false;  // a PNG's or AVIF file's codes as numbers of 0 .. 1
+  bool keeps_signal = false;  // a PNG's, AVIF's or JPEG's codes as numbers of 0 .. 1
 
   // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };
 
-// Reads an OpenEXR, Radiance, PFM, PHM, PNG or AVIF file; its first bytes tell the kind, not its name.
+// Reads an OpenEXR, Radiance, PFM, PHM, PNG, AVIF or JPEG file; its first bytes tell the kind, not its name.
 // Half-float files become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and
 // radiance_reader.cc say what they do where the formats leave a choice. Errors name the file and the problem:
 // NOT_FOUND (also for a part, layer or view, with a list of those that exist), PERMISSION_DENIED,

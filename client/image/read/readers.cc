@@ -75,13 +75,14 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
     if (absl::StartsWith(magic, pfm)) return FileKind::kPfm;
   }
   if (magic == "\x89PNG") return FileKind::kPng;
+  if (absl::StartsWith(magic, "\xff\xd8\xff")) return FileKind::kJpeg;
   if (const std::string brand = begin.size() < 12 ? "" : begin.substr(4);
       brand == "ftypavif" || brand == "ftypavis" || brand == "ftypmif1") {
     return FileKind::kAvif;
   }
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
   return absl::InvalidArgumentError(
-      absl::StrFormat("%s: not an OpenEXR, Radiance, PFM, PNG or AVIF file", file.path()));
+      absl::StrFormat("%s: not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file", file.path()));
 }
 
 absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,

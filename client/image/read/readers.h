@@ -16,7 +16,7 @@
 
 namespace candela {
 
-enum class FileKind { kExr, kRadiance, kPfm, kPng, kAvif };
+enum class FileKind { kExr, kRadiance, kPfm, kPng, kAvif, kJpeg };
 
 // The kind by the file's first bytes. INVALID_ARGUMENT, with the file's name, for all others.
 absl::StatusOr<FileKind> file_kind(FileReader& file);
@@ -25,9 +25,10 @@ absl::StatusOr<Image> read_exr(FileReader& file, const ImageLimits& limits, cons
 absl::StatusOr<FileFacts> describe_exr(FileReader& file, const ImageLimits& limits);
 // Of a file that ends too early or is damaged, `fills_gaps` reads what comes before. PFM is PHM, too.
 absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits, bool fills_gaps = false);
-// Both say what they make of the files' signals: signal.h.
+// These say what they make of the files' signals: signal.h.
 absl::StatusOr<Image> read_png(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
+absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 
 // Checks a size against the limits. `what` names the thing in the user's words, such as "image" or "data

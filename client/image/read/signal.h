@@ -1,4 +1,4 @@
-// The signal that a PNG or AVIF file holds, and its light (docs/pipeline.md section 7).
+// The signal that a PNG, AVIF or JPEG file holds, and its light (docs/pipeline.md section 7).
 #pragma once
 
 #include <array>

@@ -162,7 +162,7 @@ TEST_F(SignalInput, InfoAndPatternsTakeThem) {
   EXPECT_EQ(read_file(folder_.path("more/pq.png")), read_file(out_));
   const Outcome wrong = candela({"render", light_, out_, "--input-transfer", "pq"});
   EXPECT_EQ(wrong.code, 3);
-  EXPECT_TRUE(says(wrong.err, "--input-transfer is for PNG and AVIF files; PFM files hold light"))
+  EXPECT_TRUE(says(wrong.err, "--input-transfer is for PNG, AVIF and JPEG files; PFM files hold light"))
       << wrong.err;
 }
 

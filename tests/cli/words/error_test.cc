@@ -126,7 +126,7 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
            {"/dev/zero", "not a regular file"},
            {file("empty.exr", ""), "empty"},
            {file("text.exr", "this is not an image at all\n"),
-            "not an OpenEXR, Radiance, PFM, PNG or AVIF file"},
+            "not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file"},
            {file("cut.exr", whole.substr(0, whole.size() / 2)), "unfinished or cut off"},
            {file("magic.exr", whole.substr(0, 4)), "OpenEXR"},
            {file("damaged.exr", damaged), "damaged"},

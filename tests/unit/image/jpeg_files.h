@@ -1,13 +1,14 @@
 // JPEG files for tests: plain ones, and those with a gain map.
 #pragma once
 
-#include <cmath>
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "client/image/image.h"
 #include "server/encode/gain_map.h"
 #include "server/encode/picture.h"
 #include "tests/support/status.h"
@@ -66,6 +67,55 @@ inline std::string jpeg_segment(int marker, const std::string& body) {
   return std::string{'\xff', static_cast<char>(marker), static_cast<char>(length >> 8),
                      static_cast<char>(length)} +
          body;
+}
+
+inline absl::StatusOr<Image> read_jpeg_bytes(const std::string& bytes, const PictureChoice& choice = {},
+                                             const ImageLimits& limits = {}) {
+  return read_image_bytes("file", bytes, limits, choice);
+}
+
+inline CodeAt flat(int code) {
+  return [code](uint32_t, uint32_t, int) { return code; };
+}
+
+inline bool has_note(const Image& image, const std::string& words) {
+  return std::ranges::any_of(image.notes,
+                             [&](const std::string& note) { return note.find(words) != note.npos; });
+}
+
+// Puts segments behind the start of a file.
+inline std::string with(const std::string& file, const std::string& segments) {
+  return file.substr(0, 2) + segments + file.substr(2);
+}
+
+// The file with every `from` replaced by `to`, which is as long; or only the one number `which`, from 0.
+inline std::string renamed(std::string file, const std::string& from, const std::string& to, int which = -1) {
+  EXPECT_EQ(from.size(), to.size());
+  int count = 0;
+  for (size_t at = 0; (at = file.find(from, at)) != file.npos; at += from.size()) {
+    if (which < 0 || which == count) file.replace(at, to.size(), to);
+    ++count;
+  }
+  EXPECT_GT(count, std::max(which, 0)) << from;
+  return file;
+}
+
+inline const std::string kIsoGainMap = "urn:iso:std:iso:ts:21496:-1";
+
+// The file with the map's ISO metadata replaced, from its first byte.
+inline std::string with_iso(std::string file, const std::string& bytes) {
+  const size_t at = file.rfind(kIsoGainMap) + kIsoGainMap.size() + 1;
+  return file.replace(at, bytes.size(), bytes);
+}
+
+inline GainMapMetadata three_channels() {
+  return {.min_log2 = {-1, -0.5, 0},
+          .max_log2 = {2, 3, 4},
+          .gamma = {1, 0.5, 2},
+          .offset_sdr = {1.0 / 64, 1.0 / 32, 1.0 / 16},
+          .offset_hdr = {1.0 / 32, 1.0 / 64, 1.0 / 128},
+          .headroom_hdr_log2 = 3.2,
+          .one_channel = false};
 }
 
 }  // namespace candela

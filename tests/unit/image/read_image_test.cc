@@ -16,7 +16,7 @@ TEST(ReadImage, SaysWhatIsWrongWithThePath) {
   write_file(folder.path("empty.exr"), "");
   EXPECT_TRUE(says(error(folder.path("empty.exr")).message(), "the file is empty"));
   write_file(folder.path("text.exr"), "hello");
-  EXPECT_TRUE(says(error(folder.path("text.exr")).message(), "not an OpenEXR, Radiance, PFM, PNG or AVIF file"));
+  EXPECT_TRUE(says(error(folder.path("text.exr")).message(), "not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file"));
   ASSERT_EQ(mkfifo(folder.path("pipe.hdr").c_str(), 0600), 0);
   EXPECT_TRUE(says(error(folder.path("pipe.hdr")).message(), "not a regular file"));
 }

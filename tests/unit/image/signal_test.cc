@@ -208,7 +208,7 @@ TEST(PngReader, WhatCannotBeReadIsNamed) {
   EXPECT_TRUE(says(read(good, {.layer = "key"}).status().message(), "this is a PNG file with one picture"));
   EXPECT_TRUE(
       says(read("PF\n1 1\n-1\n" + std::string(12, 'x'), {.transfer = SignalTransfer::kPq}).status().message(),
-           "--input-transfer is for PNG and AVIF files; PFM files hold light"));
+           "--input-transfer is for PNG, AVIF and JPEG files; PFM files hold light"));
 }
 
 // All seven passes make a row.

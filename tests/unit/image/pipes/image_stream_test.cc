@@ -170,7 +170,7 @@ TEST_F(ImageStreams, ABrokenFrameIsNamedByItsNumber) {
   EXPECT_EQ(failure("PF"),
             "pipe, frame 1: its PFM header is not 'PF', 'PF4' or 'Pf', width, height and "
             "scale, each followed by white space");
-  EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG or AVIF file");
+  EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file");
   EXPECT_TRUE(failure(good + "PF\n#" + std::string(9999, ' ')).starts_with("pipe, frame 2: its PFM header"));
   EXPECT_TRUE(failure("\x89PNG\r\n\x1a\n").starts_with("pipe, frame 1: a PNG holds codes of a display"));
   EXPECT_TRUE(

@@ -1,0 +1,359 @@
+// Reads JPEG files by libjpeg-turbo: grey and RGB pictures of 8 bits, upright. With a gain map, it is the HDR
+// picture, for a display that can show all of it; else codes of sRGB, or of the primaries that the file's ICC
+// profile names.
+
+// jpeglib.h needs FILE and size_t to be declared before it.
+#include <cstdio>
+
+// clang-format off
+#include <jpeglib.h>
+#include <jerror.h>
+// clang-format on
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <csetjmp>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/strip.h"
+#include "client/base/number_words.h"
+#include "client/image/color_interop.h"
+#include "client/image/read/gain_map_reader.h"
+#include "client/image/read/jpeg_facts.h"
+#include "client/image/read/readers.h"
+#include "client/image/read/signal.h"
+#include "server/base/status_macros.h"
+
+namespace candela {
+namespace {
+
+constexpr int kMostScans = 500;  // a small file may have very many, and each takes the time of a picture
+
+// libjpeg reports errors by longjmp. So whatever calls it is a function that has nothing to destroy, and
+// returns false for an error.
+class Jpeg {
+ public:
+  explicit Jpeg(absl::string_view bytes) : bytes_(bytes) {
+    codec_.err = jpeg_std_error(&failure_.manager);
+    failure_.manager.error_exit = fail;
+    failure_.manager.emit_message = on_message;
+    progress_.progress_monitor = count_scans;
+  }
+  ~Jpeg() { jpeg_destroy_decompress(&codec_); }
+  Jpeg(const Jpeg&) = delete;
+  Jpeg& operator=(const Jpeg&) = delete;
+
+  bool read_header() {
+    if (setjmp(failure_.leave) != 0) return false;
+    jpeg_create_decompress(&codec_);
+    codec_.progress = &progress_;
+    jpeg_mem_src(&codec_, reinterpret_cast<const unsigned char*>(bytes_.data()), bytes_.size());
+    jpeg_read_header(&codec_, TRUE);
+    return true;
+  }
+  // Asks for rows of R, G, B and a fourth byte that means nothing.
+  bool begin_rows() {
+    if (setjmp(failure_.leave) != 0) return false;
+    codec_.out_color_space = JCS_EXT_RGBX;
+    jpeg_start_decompress(&codec_);
+    return true;
+  }
+  bool read_row(uint8_t* row) {
+    if (setjmp(failure_.leave) != 0) return false;
+    return jpeg_read_scanlines(&codec_, &row, 1) == 1;
+  }
+  bool end_rows() {
+    if (setjmp(failure_.leave) != 0) return false;
+    return jpeg_finish_decompress(&codec_) == TRUE;
+  }
+
+  uint32_t width() const { return codec_.image_width; }
+  uint32_t height() const { return codec_.image_height; }
+  int components() const { return codec_.num_components; }
+  bool is_cmyk() const { return codec_.jpeg_color_space == JCS_CMYK || codec_.jpeg_color_space == JCS_YCCK; }
+  bool has_color() const { return codec_.jpeg_color_space != JCS_UNKNOWN; }
+  // The width of a pixel over its height; 0 if the file does not say it.
+  double pixel_aspect() const {
+    if (codec_.saw_JFIF_marker == FALSE || codec_.X_density == 0 || codec_.Y_density == 0) return 0;
+    return static_cast<double>(codec_.Y_density) / codec_.X_density;
+  }
+  const char* error() const { return failure_.text; }
+
+ private:
+  struct Failure {
+    jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is also a pointer to Failure
+    std::jmp_buf leave;
+    char text[JMSG_LENGTH_MAX] = "";
+  };
+
+  [[noreturn]] static void fail(j_common_ptr codec) {
+    auto* failure = reinterpret_cast<Failure*>(codec->err);
+    failure->manager.format_message(codec, failure->text);
+    std::longjmp(failure->leave, 1);
+  }
+  // libjpeg only warns of codes that are not there, and goes on with grey.
+  static void on_message(j_common_ptr codec, int level) {
+    if (level >= 0) return;
+    switch (codec->err->msg_code) {
+      case JWRN_ARITH_BAD_CODE:
+      case JWRN_HIT_MARKER:
+      case JWRN_HUFF_BAD_CODE:
+      case JWRN_JPEG_EOF:
+      case JWRN_MUST_RESYNC:
+        fail(codec);
+      default:
+        return;
+    }
+  }
+  static void count_scans(j_common_ptr codec) {
+    if (reinterpret_cast<j_decompress_ptr>(codec)->input_scan_number <= kMostScans) return;
+    auto* failure = reinterpret_cast<Failure*>(codec->err);
+    std::snprintf(failure->text, sizeof failure->text, "it has more than %d scans", kMostScans);
+    std::longjmp(failure->leave, 1);
+  }
+
+  absl::string_view bytes_;
+  jpeg_decompress_struct codec_{};
+  jpeg_progress_mgr progress_{};
+  Failure failure_;
+};
+
+absl::Status damaged(const std::string& path, const char* what, absl::string_view why) {
+  return absl::InvalidArgumentError(absl::StrFormat("%s: damaged %s: %s", path, what, printable(why, 200)));
+}
+
+// A picture that the decoder may take memory for. `what` names it in messages.
+absl::Status check_kind(const std::string& path, const char* what, const Jpeg& jpeg) {
+  if (jpeg.is_cmyk()) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: the %s is in CMYK, the inks of a printer; convert it to RGB, such as sRGB", path, what));
+  }
+  if (jpeg.has_color()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: the %s has %d components; Candela reads grey and RGB", path, what, jpeg.components()));
+}
+
+// Where the stored pixels go, by Exif's orientation: 1 .. 8. From 5 on, rows become columns.
+class Turned {
+ public:
+  Turned(int orientation, uint32_t width, uint32_t height)
+      : orientation_(orientation), width_(width), height_(height) {}
+
+  bool is_needed() const { return orientation_ != 1; }
+  bool swaps() const { return orientation_ >= 5; }
+  uint32_t width() const { return swaps() ? height_ : width_; }
+  uint32_t height() const { return swaps() ? width_ : height_; }
+  std::array<uint32_t, 2> place(uint32_t x, uint32_t y) const {
+    if (swaps()) std::swap(x, y);
+    const bool from_right = orientation_ == 2 || orientation_ == 3 || orientation_ == 6 || orientation_ == 7;
+    const bool from_below = orientation_ == 3 || orientation_ == 4 || orientation_ == 7 || orientation_ == 8;
+    return {from_right ? width() - 1 - x : x, from_below ? height() - 1 - y : y};
+  }
+
+ private:
+  int orientation_;
+  uint32_t width_, height_;
+};
+
+// Makes HDR light of a picture's rows.
+class GainMap {
+ public:
+  // `map` is kRgba8. The picture that it belongs to has `width` and `height`.
+  GainMap(Image map, const GainMapMetadata& metadata, bool one_channel, uint32_t width, uint32_t height)
+      : map_(std::move(map)),
+        metadata_(metadata),
+        channels_(one_channel ? 1 : 3),
+        scale_x_(static_cast<double>(map_.width) / width),
+        scale_y_(static_cast<double>(map_.height) / height) {
+    for (size_t i = 0; i < sdr_.size(); ++i) sdr_[i] = to_linear(ColorCurve::kSrgb, i / 255.0);
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t i = 0; i < 256; ++i) gains_[c][i] = gain(c, static_cast<double>(i));
+    }
+  }
+
+  // Tells the image what it holds, behind what is said of the SDR picture.
+  void describe(Image& image) const {
+    image.display_light = true;
+    absl::StrAppend(&image.signal, ", gain map of ",
+                    in_digits(metadata_.headroom_hdr_log2 - metadata_.headroom_base_log2, 2), " stops");
+    image.notes.push_back(
+        "gain map: 1 is reference white; exposure is 0 EV and there is no bloom unless they are given");
+  }
+
+  // `codes` are R, G, B and one more of row `y`; `light` gets them with alpha 1.
+  void apply(const uint8_t* codes, uint32_t width, uint32_t y, float* light) const {
+    const bool same_size = scale_x_ == 1 && scale_y_ == 1;
+    const Between rows = between(y, scale_y_, map_.height);
+    for (uint32_t x = 0; x < width; ++x, codes += 4, light += 4) {
+      std::array<double, 3> gains{};
+      if (same_size) {
+        const uint8_t* const code = row(y) + size_t{4} * x;
+        for (size_t c = 0; c < 3; ++c) gains[c] = gains_[c][code[c]];
+      } else {
+        const Between columns = between(x, scale_x_, map_.width);
+        for (size_t c = 0; c < channels_; ++c) {
+          const double upper = mix(rows.first, columns, c), lower = mix(rows.second, columns, c);
+          gains[c] = gain(c, upper + rows.share * (lower - upper));
+        }
+        if (channels_ == 1) gains[1] = gains[2] = gains[0];
+      }
+      for (size_t c = 0; c < 3; ++c) {
+        const double hdr = (sdr_[codes[c]] + metadata_.offset_sdr[c]) * gains[c] - metadata_.offset_hdr[c];
+        light[c] = static_cast<float>(std::max(hdr, 0.0));
+      }
+      light[3] = 1;
+    }
+  }
+
+ private:
+  // Two neighbours, and the second one's share in what is between them.
+  struct Between {
+    uint32_t first, second;
+    double share;
+  };
+
+  static Between between(uint32_t at, double scale, uint32_t count) {
+    const double exact = std::clamp((at + 0.5) * scale - 0.5, 0.0, count - 1.0);
+    const auto first = static_cast<uint32_t>(exact);
+    return {first, std::min(first + 1, count - 1), exact - first};
+  }
+  const uint8_t* row(uint32_t y) const {
+    return reinterpret_cast<const uint8_t*>(map_.pixels.data()) + y * map_.row_bytes();
+  }
+  double mix(uint32_t y, const Between& columns, size_t c) const {
+    const double left = row(y)[size_t{4} * columns.first + c], right = row(y)[size_t{4} * columns.second + c];
+    return left + columns.share * (right - left);
+  }
+  double gain(size_t c, double code) const {
+    const double gamma = metadata_.gamma[c], min = metadata_.min_log2[c];
+    const double share = gamma == 1 ? code / 255 : std::pow(code / 255, 1 / gamma);
+    return std::exp2(min + (metadata_.max_log2[c] - min) * share);
+  }
+
+  Image map_;
+  GainMapMetadata metadata_;
+  size_t channels_;
+  double scale_x_, scale_y_;
+  std::array<double, 256> sdr_{};
+  std::array<std::array<double, 256>, 3> gains_{};
+};
+
+absl::StatusOr<GainMap> read_gain_map(const std::string& path, const FoundGainMap& found,
+                                      const ImageLimits& limits, uint32_t width, uint32_t height) {
+  constexpr char kWhat[] = "gain map";
+  Jpeg jpeg(found.jpeg);
+  if (!jpeg.read_header()) return damaged(path, kWhat, jpeg.error());
+  RETURN_IF_ERROR(check_kind(path, kWhat, jpeg));
+  RETURN_IF_ERROR(check_image_size(path, kWhat, jpeg.width(), jpeg.height(), ImageFormat::kRgba8, limits));
+  ASSIGN_OR_RETURN(Image map, image_to_overwrite(jpeg.width(), jpeg.height(), ImageFormat::kRgba8));
+  bool whole = jpeg.begin_rows();
+  for (uint32_t y = 0; whole && y < map.height; ++y) {
+    whole = jpeg.read_row(reinterpret_cast<uint8_t*>(map.pixels.data() + y * map.row_bytes()));
+  }
+  if (!whole || !jpeg.end_rows()) return damaged(path, kWhat, jpeg.error());
+  const bool one_channel = found.metadata.one_channel && jpeg.components() == 1;
+  return GainMap(std::move(map), found.metadata, one_channel, width, height);
+}
+
+// The gain map of the file, if it has one and the choice does not overrule it.
+absl::StatusOr<std::optional<GainMap>> gain_map_of(const std::string& path, absl::string_view file,
+                                                   const JpegSegments& segments, const Jpeg& base,
+                                                   const ImageLimits& limits, const PictureChoice& choice,
+                                                   Image& image) {
+  if (choice.keeps_signal) return std::nullopt;
+  std::vector<std::string> notes;
+  absl::StatusOr<FoundGainMap> found = find_gain_map(file, segments, notes);
+  if (choice.transfer) {
+    if (!found.ok() || !found->jpeg.empty()) {
+      image.notes.push_back("its gain map is not used, because --input-transfer says what the codes are");
+    }
+    return std::nullopt;
+  }
+  image.notes.insert(image.notes.end(), notes.begin(), notes.end());
+  if (!found.ok()) return damaged(path, "gain map", found.status().message());
+  if (found->jpeg.empty()) return std::nullopt;
+  return read_gain_map(path, *found, limits, base.width(), base.height());
+}
+
+// Rows until one cannot be read. Returns how many.
+uint32_t read_jpeg_rows(Jpeg& jpeg, const SignalDecoder& decoder, const std::optional<GainMap>& map,
+                        const Turned& turned, Image& image) {
+  const uint32_t width = jpeg.width();
+  std::vector<uint8_t> codes(size_t{4} * width);
+  std::vector<uint16_t> wide(codes.size(), 65535);
+  std::vector<float> light(codes.size());
+  const auto pixel = [&image](uint32_t x, uint32_t y) {
+    return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()) + size_t{4} * x;
+  };
+  for (uint32_t y = 0; y < jpeg.height(); ++y) {
+    if (!jpeg.read_row(codes.data())) return y;
+    float* const to = turned.is_needed() ? light.data() : pixel(0, y);
+    if (map) {
+      map->apply(codes.data(), width, y, to);
+    } else {
+      for (size_t i = 0; i < codes.size(); ++i) {
+        if (i % 4 != 3) wide[i] = static_cast<uint16_t>(codes[i] * 257);
+      }
+      decoder.decode(wide, to);
+    }
+    for (uint32_t x = 0; turned.is_needed() && x < width; ++x) {
+      const auto [to_x, to_y] = turned.place(x, y);
+      std::copy_n(light.data() + size_t{4} * x, 4, pixel(to_x, to_y));
+    }
+  }
+  return jpeg.height();
+}
+
+}  // namespace
+
+absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, const PictureChoice& choice) {
+  constexpr char kWhat[] = "JPEG file";
+  if (file.remaining() > limits.max_bytes) {
+    return absl::ResourceExhaustedError(absl::StrFormat("%s: the file has %d bytes; the limit is %d",
+                                                        file.path(), file.remaining(), limits.max_bytes));
+  }
+  std::vector<char> bytes(file.remaining());
+  if (!file.read(std::as_writable_bytes(std::span(bytes)))) return file.truncated("its end");
+  const absl::string_view all(bytes.data(), bytes.size());
+  const absl::StatusOr<JpegSegments> segments = jpeg_segments(all);
+  if (!segments.ok()) return damaged(file.path(), kWhat, segments.status().message());
+  Jpeg jpeg(all);
+  if (!jpeg.read_header()) return damaged(file.path(), kWhat, jpeg.error());
+  RETURN_IF_ERROR(check_kind(file.path(), "picture", jpeg));
+  const Turned turned(orientation_of(*segments), jpeg.width(), jpeg.height());
+  constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
+  RETURN_IF_ERROR(check_image_size(file.path(), "image", turned.width(), turned.height(), kFormat, limits));
+  ASSIGN_OR_RETURN(Image image, make_image(turned.width(), turned.height(), kFormat));
+  if (const double aspect = jpeg.pixel_aspect(); aspect > 0) {
+    set_pixel_aspect(turned.swaps() ? 1 / aspect : aspect, image);
+  }
+  Signal signal = signal_of_jpeg(*segments, image.notes);
+  absl::StatusOr<std::optional<GainMap>> map =
+      gain_map_of(file.path(), all, *segments, jpeg, limits, choice, image);
+  if (!map.ok() && absl::IsInvalidArgument(map.status())) {
+    if (!choice.fills_gaps) return or_fill(map.status());
+    image.notes.push_back(absl::StrCat(absl::StripPrefix(map.status().message(), file.path() + ": "),
+                                       "; the SDR picture is shown"));
+    map = std::nullopt;
+  }
+  RETURN_IF_ERROR(map.status());
+  const SignalDecoder decoder(std::move(signal), choice);
+  decoder.describe(8, image);
+  if (map->has_value()) (*map)->describe(image);
+
+  const uint32_t rows = jpeg.begin_rows() ? read_jpeg_rows(jpeg, decoder, *map, turned, image) : 0;
+  if (rows == jpeg.height() && (jpeg.end_rows() || choice.fills_gaps)) return image;
+  const absl::Status status = damaged(file.path(), kWhat, jpeg.error());
+  if (rows == 0) return status;
+  if (!choice.fills_gaps) return or_fill(status);
+  note_missing(file.path(), status, uint64_t{jpeg.height() - rows} * jpeg.width(), image);
+  return image;
+}
+
+}  // namespace candela
