@@ -17,6 +17,8 @@
 #include "candela/v1/render.pb.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "proto/candela/v1/zstd_rows.h"
+#include "server/encode/gain_map.h"
+#include "server/encode/picture.h"
 #include "tests/fuzz/wire_input.h"
 #include "tests/support/files.h"
 #include "tests/unit/image/image_support.h"
@@ -117,6 +119,29 @@ void write_png(const std::string& folder) {
   (void)write_image(folder + "/codes_16.png", image);
   image = *make_image(5, 3, ImageFormat::kRgba8);
   (void)write_image(folder + "/codes_8.png", image, {.transfer = EncodedTransfer::kGamma22});
+}
+
+// A picture turned by Exif, with a map of half its size.
+void write_jpeg(const std::string& folder) {
+  const std::vector<std::byte> codes(size_t{4} * 16 * 16, std::byte{90});
+  std::string base;
+  (void)encode_jpeg({.width = 16, .height = 16, .rows = codes.data(), .row_stride_bytes = 64}, {},
+                    [&base](const void* bytes, size_t count) {
+                      base.append(static_cast<const char*>(bytes), count);
+                      return true;
+                    });
+  const std::string exif(
+      "\xff\xe1\0\x22"
+      "Exif\0\0MM\0\x2a\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1\0\6\0\0\0\0\0\0",
+      36);
+  base.insert(2, exif);
+  write_file(folder + "/plain.jpg", base);
+  for (const bool one_channel : {true, false}) {
+    const std::vector<uint8_t> gains(size_t{8} * 8 * (one_channel ? 1 : 3), 90);
+    const GainMapMetadata metadata{.max_log2 = {2, 2, 2}, .headroom_hdr_log2 = 2, .one_channel = one_channel};
+    write_file(folder + (one_channel ? "/gain_map.jpg" : "/gain_maps.jpg"),
+               *join_gain_map(base, *encode_gain_map(gains, 8, 8, one_channel), metadata));
+  }
 }
 
 // ---- The wire ----
@@ -400,6 +425,7 @@ int main(int count, char** arguments) {
   candela::write_open_exr(image);
   candela::write_radiance(image);
   candela::write_png(image);
+  candela::write_jpeg(image);
   candela::write_pfm(image);
   candela::write_wire(wire);
 }

@@ -10,8 +10,8 @@ namespace candela {
 
 void add_meter_options(CLI::App& app, MeterOptions& options) {
   app.add_option("IN", options.sequence.inputs,
-                 "An image to meter: OpenEXR, Radiance .hdr, PFM, PNG or AVIF; or a sequence, as `candela "
-                 "stream` takes it: a "
+                 "An image to meter: OpenEXR, Radiance .hdr, PFM, PNG, AVIF or JPEG; or a sequence, as "
+                 "`candela stream` takes it: a "
                  "folder, files, 'in/*.exr', in/%04d.exr or in/####.exr")
       ->required()
       ->option_text(" ");

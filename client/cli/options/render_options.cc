@@ -117,13 +117,14 @@ absl::Status set_files(RenderArguments& arguments) {
           "IN is \"-\", which has no name for a file in %s; give a file as OUT", options.output));
     }
     std::error_code failed;
-    const bool may_be_read =
-        (absl::EndsWithIgnoreCase(input, ".png") || absl::EndsWithIgnoreCase(input, ".avif")) &&
-        (is_pattern(input) || std::filesystem::exists(input, failed));
+    const bool is_also_input =
+        std::ranges::any_of(std::array{".png", ".avif", ".jpg", ".jpeg"},
+                            [&](const char* kind) { return absl::EndsWithIgnoreCase(input, kind); });
+    const bool may_be_read = is_also_input && (is_pattern(input) || std::filesystem::exists(input, failed));
     if (const auto encoding = output_encoding(input);
         encoding.ok() && (*encoding)->holds_codes() && !may_be_read) {
       return usage_error(absl::StrFormat(
-          "%s is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF), and "
+          "%s is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF, JPEG), and "
           "the last argument, %s, is taken as the output folder",
           input, options.output));
     }
@@ -138,8 +139,8 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   app.add_option(
          "IN... OUT", arguments.files,
          absl::StrFormat(
-             "IN: image to render: OpenEXR, Radiance .hdr, PFM, PNG or AVIF. OUT: file to write: %s. Several "
-             "images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
+             "IN: image to render: OpenEXR, Radiance .hdr, PFM, PNG, AVIF or JPEG. OUT: file to write: %s. "
+             "Several images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
              "for itself and keeps its name. Either may be -, standard input or output",
              extensions_with()))
       ->required()

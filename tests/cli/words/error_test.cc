@@ -43,7 +43,8 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {render({"more"}),
-            "out.png is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF), and the "
+            "out.png is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF, JPEG), and "
+            "the "
             "last argument, "
             "more, is"},
            {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
