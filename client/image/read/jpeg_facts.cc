@@ -1,10 +1,7 @@
 #include "client/image/read/jpeg_facts.h"
 
-#include <lcms2.h>
-
+#include <algorithm>
 #include <array>
-#include <limits>
-#include <memory>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -13,10 +10,6 @@
 
 namespace candela {
 namespace {
-
-struct CloseProfile {
-  void operator()(void* profile) const { cmsCloseProfile(profile); }
-};
 
 // The profile of all its parts, which are numbered from 1. "" if there is none, or one of them is missing.
 // Source: ICC.1:2010, annex B.4.
@@ -39,16 +32,41 @@ std::string icc_profile_of(const JpegSegments& segments, bool& is_there) {
   return profile;
 }
 
-// What the profile calls itself; "" if it cannot be read.
-std::string description_of(const std::string& profile) {
-  if (profile.size() > std::numeric_limits<cmsUInt32Number>::max()) return "";
-  const std::unique_ptr<void, CloseProfile> opened(
-      cmsOpenProfileFromMem(profile.data(), static_cast<cmsUInt32Number>(profile.size())));
-  if (opened == nullptr) return "";
-  std::array<char, 256> text{};
-  cmsGetProfileInfoASCII(opened.get(), cmsInfoDescription, "en", "US", text.data(), text.size());
-  text.back() = '\0';
-  return text.data();
+// A big-endian number of four bytes; those that are missing are 0.
+size_t number_at(absl::string_view bytes, size_t at) {
+  size_t v = 0;
+  for (size_t i = 0; i < 4; ++i)
+    v = v << 8 | (at + i < bytes.size() ? static_cast<uint8_t>(bytes[at + i]) : 0);
+  return v;
+}
+
+// `bytes` of `whole`, as many as there are.
+absl::string_view piece(absl::string_view whole, size_t at, size_t bytes) {
+  return at < whole.size() ? whole.substr(at, bytes) : absl::string_view();
+}
+
+// What the profile calls itself, in its first language; "" if it cannot be read. lcms2 would take the memory
+// that a damaged profile asks for. Source: ICC.1:2001 section 6.5.17, ICC.1:2010 section 10.13.
+std::string description_of(absl::string_view profile) {
+  constexpr size_t kTagsAt = 128, kMostTags = 256, kMostLetters = 200;
+  absl::string_view tag;
+  for (size_t i = 0; i < std::min(number_at(profile, kTagsAt), kMostTags) && tag.empty(); ++i) {
+    const size_t at = kTagsAt + 4 + 12 * i;
+    if (piece(profile, at, 4) == "desc")
+      tag = piece(profile, number_at(profile, at + 4), number_at(profile, at + 8));
+  }
+  if (absl::StartsWith(tag, "desc")) {
+    const absl::string_view text = piece(tag, 12, std::min(number_at(tag, 8), kMostLetters));
+    return std::string(text.substr(0, text.find('\0')));
+  }
+  std::string letters;
+  if (!absl::StartsWith(tag, "mluc")) return letters;
+  const absl::string_view text =
+      piece(tag, number_at(tag, 24), std::min(number_at(tag, 20), 2 * kMostLetters));
+  for (size_t i = 0; i + 1 < text.size(); i += 2) {  // UTF-16
+    letters.push_back(text[i] == '\0' && text[i + 1] != '\0' ? text[i + 1] : '?');
+  }
+  return letters;
 }
 
 }  // namespace

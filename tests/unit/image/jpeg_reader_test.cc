@@ -202,13 +202,14 @@ TEST(JpegReader, OneDenominatorMayServeAllFractions) {
 }
 
 // A profile of P3 primaries and the sRGB curve.
-std::string p3_profile(const char* description) {
+std::string p3_profile(const char* description, double version = 4.4) {
   const cmsCIExyY white = {0.3127, 0.3290, 1};
   const cmsCIExyYTRIPLE primaries = {{0.68, 0.32, 1}, {0.265, 0.69, 1}, {0.15, 0.06, 1}};
   cmsToneCurve* curve = cmsBuildGamma(nullptr, 2.2);
   cmsToneCurve* curves[] = {curve, curve, curve};
   cmsHPROFILE profile = cmsCreateRGBProfile(&white, &primaries, curves);
   cmsFreeToneCurve(curve);
+  cmsSetProfileVersion(profile, version);
   cmsMLU* words = cmsMLUalloc(nullptr, 1);
   cmsMLUsetASCII(words, "en", "US", description);
   cmsWriteTag(profile, cmsSigProfileDescriptionTag, words);
@@ -240,6 +241,10 @@ TEST(JpegReader, ItsProfileNamesThePrimaries) {
   EXPECT_NEAR(component(image, 0, 0, 1), 2 * srgb_light(90 / 255.0), 1e-5);
   ASSERT_OK_AND_ASSIGN(const Image own, read_jpeg_bytes(file, {.own_values = true}));
   EXPECT_FALSE(own.chromaticities.has_value());
+
+  ASSERT_OK_AND_ASSIGN(const Image older,
+                       read_jpeg_bytes(with(base, part(1, 1, p3_profile("Display P3", 2.1)))));
+  EXPECT_EQ(older.chromaticities, image.chromaticities);
 
   for (const auto& [bytes, note] : {std::pair(part(1, 1, p3_profile("A printer")),
                                               "the ICC profile \"A printer\" is none that Candela knows"),
