@@ -74,7 +74,7 @@ TEST(JpegReader, AMapThatIsNotThereIsNamed) {
 }
 
 // A file of `components` components in this colour space.
-std::string jpeg_in(J_COLOR_SPACE space, int components) {
+std::string jpeg_in(J_COLOR_SPACE space, int components, bool progressive = false) {
   jpeg_compress_struct codec{};
   jpeg_error_mgr errors{};
   codec.err = jpeg_std_error(&errors);
@@ -86,6 +86,7 @@ std::string jpeg_in(J_COLOR_SPACE space, int components) {
   codec.input_components = components;
   codec.in_color_space = space;
   jpeg_set_defaults(&codec);
+  if (progressive) jpeg_simple_progression(&codec);
   jpeg_start_compress(&codec, TRUE);
   std::vector<unsigned char> row(static_cast<size_t>(8 * components), 90);
   for (JSAMPROW at = row.data(); codec.next_scanline < 8;) jpeg_write_scanlines(&codec, &at, 1);
@@ -103,6 +104,18 @@ TEST(JpegReader, OtherColoursAreRefusedByName) {
                  read_jpeg_bytes(jpeg_in(JCS_UNKNOWN, 2)));
   EXPECT_REFUSED(kInvalidArgument, "file: the gain map is in CMYK",
                  read_jpeg_bytes(joined(jpeg_of(8, 8, flat(1)), jpeg_in(JCS_CMYK, 4), stops_of(1))));
+}
+
+// Each scan takes the time of the whole picture.
+TEST(JpegReader, ScansAreCounted) {
+  const std::string file = jpeg_in(JCS_RGB, 3, true);
+  ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file));
+  EXPECT_NEAR(component(image, 7, 7, 1), 0.1022, 1e-3);  // of code 90
+  const size_t last = file.rfind("\xff\xda");
+  std::string scans;
+  for (int i = 0; i < 600; ++i) scans += file.substr(last, file.size() - 2 - last);
+  EXPECT_REFUSED(kInvalidArgument, "file: damaged JPEG file: it has more than 500 scans",
+                 read_jpeg_bytes(file.substr(0, last) + scans + "\xff\xd9"));
 }
 
 TEST(JpegReader, LimitsHoldBeforeMemoryIsTaken) {

@@ -136,7 +136,7 @@ TEST(JpegReader, ASmoothHdrPictureComesBack) {
   RecordProperty("light_max_stops", std::to_string(of_light.back()));
   EXPECT_LE(of_gain[of_gain.size() * 99 / 100], 0.02);
   EXPECT_LE(of_gain.back(), 0.04);
-  EXPECT_LE(of_light.back(), 0.15);
+  EXPECT_LE(of_light.back(), 0.05);
 }
 
 TEST(JpegReader, ASmallerMapIsSampledBetweenItsPixels) {
