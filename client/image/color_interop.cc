@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "absl/strings/match.h"
+#include "client/image/power.h"
 #include "client/image/primaries.h"
 
 namespace candela {
@@ -36,8 +37,8 @@ double gamma_of(ColorCurve curve) {
 
 double to_linear(ColorCurve curve, double v) {
   if (curve == ColorCurve::kLinear) return v;
-  if (curve == ColorCurve::kSrgb) return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-  return std::copysign(std::pow(std::abs(v), gamma_of(curve)), v);
+  if (curve == ColorCurve::kSrgb) return v <= 0.04045 ? v / 12.92 : power((v + 0.055) / 1.055, 2.4);
+  return std::copysign(power(std::abs(v), gamma_of(curve)), v);
 }
 
 const InteropSpace* find_interop_space(absl::string_view id) {

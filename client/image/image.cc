@@ -11,6 +11,7 @@
 #include "client/image/primaries.h"
 #include "client/image/read/file_reader.h"
 #include "client/image/read/readers.h"
+#include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -116,24 +117,25 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
   if (!file.ok()) return file.status();
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
   const bool has_signal = kind == FileKind::kPng || kind == FileKind::kAvif || kind == FileKind::kJpeg;
-  if (choice.transfer && !has_signal) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: --input-transfer is for PNG, AVIF and JPEG files; %s files hold light",
-                        file->path(), words_of(kind)));
-  }
-  if (kind == FileKind::kExr) return read_exr(*file, limits, choice);
-  if (!choice.empty()) {
+  if (kind != FileKind::kExr && !choice.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture",
         file->path(), words_of(kind)));
   }
-  absl::StatusOr<Image> image = read_picture(kind, *file, limits, choice);
+  absl::StatusOr<Image> image =
+      kind == FileKind::kExr ? read_exr(*file, limits, choice) : read_picture(kind, *file, limits, choice);
   if (!image.ok()) return image;
   if (choice.own_values) {
     image->chromaticities.reset();
     image->names_primaries = false;
   }
-  if (choice.as_floats) return to_floats(*std::move(image));
+  const bool decodes = !has_signal && decodes_values(choice);
+  if (choice.as_floats || decodes) {
+    RETURN_IF_ERROR(
+        check_image_size(file->path(), "image", image->width, image->height, ImageFormat::kRgba32f, limits));
+    image = to_floats(*std::move(image));
+  }
+  if (image.ok() && decodes) decode_values(choice, *image);
   return image;
 }
 

@@ -101,7 +101,8 @@ struct PictureChoice {
   bool own_values = false;
   bool as_floats = false;             // halves become floats
   RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
-  // Of a PNG, AVIF or JPEG file, in place of the one that it names. Absent: the one that it names, else sRGB.
+  // In place of the one that the file names. Absent: the one that it names, else sRGB of a PNG, AVIF or JPEG file,
+  // and of others none: their values are light.
   std::optional<SignalTransfer> transfer{};
   double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000
   bool keeps_signal = false;  // a PNG's, AVIF's or JPEG's codes as numbers of 0 .. 1

@@ -1,8 +1,9 @@
-// The signal that a PNG, AVIF or JPEG file holds, and its light (docs/pipeline.md section 7).
+// The signal that a file holds, and its light (docs/pipeline.md section 7).
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,6 +31,19 @@ absl::Status set_code_points(const std::string& path, int primaries, int transfe
 // Sets them by the name of an ICC profile, such as "Display P3". False if it says nothing.
 bool set_by_profile_name(const std::string& profile, Signal& signal);
 
+// The light of an HLG display, whose peak is in nit. Its primaries weigh the luminance.
+class HlgDisplay {
+ public:
+  HlgDisplay(const std::array<float, 8>& xy, double peak);
+
+  // What turns scene light, 0 .. 1, into the display's; 1.0 is reference white.
+  double scale(const std::array<double, 3>& scene) const;
+
+ private:
+  std::array<double, 3> luminance_;  // of R, G and B
+  double peak_, exponent_;
+};
+
 // Turns rows of codes into light. 1.0 is the display's white, or with PQ and HLG reference white, 203 nit.
 class SignalDecoder {
  public:
@@ -47,8 +61,16 @@ class SignalDecoder {
   Signal signal_;
   std::vector<float> light_;  // of each code
   bool own_values_;
-  double hlg_peak_;
-  std::array<double, 3> luminance_{};  // of R, G and B in the signal's primaries
+  std::optional<HlgDisplay> hlg_;
 };
+
+// Whether choice.transfer changes the values of a file that holds numbers, not codes.
+bool decodes_values(const PictureChoice& choice);
+
+// Decodes such a file's R, G and B by choice.transfer, in double. They are associated with alpha, so they are
+// divided by it before and multiplied by it after; where alpha is 0 or less, they are decoded as they are.
+// For PQ and HLG what is outside 0 .. 1 is cut, with a note, and a file that names no primaries has Rec.2020.
+// Below 0 the straight piece of sRGB continues, and a gamma is mirrored. NaN stays NaN. `image` is kRgba32f.
+void decode_values(const PictureChoice& choice, Image& image);
 
 }  // namespace candela

@@ -160,10 +160,33 @@ TEST_F(SignalInput, InfoAndPatternsTakeThem) {
   ASSERT_EQ(candela({"render", pq_, out_, "-q"}).code, 0);
   EXPECT_EQ(candela({"render", folder_.path("pq*.png"), folder_.path("more") + "/", "-q"}).code, 0);
   EXPECT_EQ(read_file(folder_.path("more/pq.png")), read_file(out_));
-  const Outcome wrong = candela({"render", light_, out_, "--input-transfer", "pq"});
-  EXPECT_EQ(wrong.code, 3);
-  EXPECT_TRUE(says(wrong.err, "--input-transfer is for PNG, AVIF and JPEG files; PFM files hold light"))
-      << wrong.err;
+}
+
+// The ramp as numbers, such as what a program makes that writes a display's signal to an OpenEXR or PFM file.
+TEST_F(SignalInput, NumbersAreThePictureThatTheSameCodesAre) {
+  const std::string values = folder_.path("values.pfm");
+  std::string signal;
+  for (uint32_t x = 0; x < kRampWidth; ++x) {
+    for (const uint32_t k : {1u, 2u, 3u}) {
+      const auto v = static_cast<float>(255 * x / k / 65535.0);
+      signal.append(reinterpret_cast<const char*>(&v), sizeof v);
+    }
+  }
+  write_file(values, "PF\n256 1\n-1.0\n" + signal);
+  for (const char* transfer : {"pq", "hlg", "srgb", "gamma22", "linear"}) {
+    const auto codes = candela_json({"render", pq_, out_, "--input-transfer", transfer, "--primaries",
+                                     "rec2020", "--exposure", "0", "--bloom-intensity", "0"});
+    const std::string expected = read_file(out_);
+    const auto report = candela_json({"render", values, out_, "--input-transfer", transfer, "--primaries",
+                                      "rec2020", "--exposure", "0", "--bloom-intensity", "0"});
+    EXPECT_EQ(read_file(out_), expected) << transfer;
+    EXPECT_EQ(report["notes"].size(), codes["notes"].size()) << report["notes"];
+  }
+  // By itself it is at 0 EV, and in Rec.2020.
+  const auto report = candela_json({"render", values, out_, "--input-transfer", "pq"});
+  EXPECT_EQ(report["exposure"], 1.0);
+  EXPECT_EQ(report["primaries"]["name"], "Rec.2020");
+  EXPECT_NE(candela_json({"render", values, out_, "--input-transfer", "srgb"})["exposure"], 1.0);
 }
 
 }  // namespace

@@ -206,9 +206,6 @@ TEST(PngReader, WhatCannotBeReadIsNamed) {
   const absl::Status small = read_image_bytes("file", good, {.max_pixels = 2}).status();
   EXPECT_TRUE(says(small.message(), "--max-pixels allows 2")) << small;
   EXPECT_TRUE(says(read(good, {.layer = "key"}).status().message(), "this is a PNG file with one picture"));
-  EXPECT_TRUE(
-      says(read("PF\n1 1\n-1\n" + std::string(12, 'x'), {.transfer = SignalTransfer::kPq}).status().message(),
-           "--input-transfer is for PNG, AVIF and JPEG files; PFM files hold light"));
 }
 
 // All seven passes make a row.

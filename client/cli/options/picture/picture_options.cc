@@ -76,19 +76,19 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
              shown.rows = word == "top" ? RowOrder::kTop : RowOrder::kBottom;
              return absl::OkStatus();
            });
-  add_text(app, kInputSection, "--input-transfer", "NAME",
-           absl::StrFormat(
-               "How codes of a PNG, AVIF or JPEG stand for light, whatever the file says: %s (default: "
-               "as it says, or srgb)",
-               absl::StrJoin(kTransferWords, ", ")),
-           [&shown](const std::string& word) {
-             const auto found = std::ranges::find(kTransferWords, word);
-             if (found == kTransferWords.end()) {
-               return unknown_word("--input-transfer", word, {kTransferWords.begin(), kTransferWords.end()});
-             }
-             shown.transfer = static_cast<SignalTransfer>(found - kTransferWords.begin());
-             return absl::OkStatus();
-           });
+  add_text(
+      app, kInputSection, "--input-transfer", "NAME",
+      absl::StrFormat("How the image's values stand for light, whatever the file says: %s (default: as it "
+                      "says, else srgb of a PNG, AVIF or JPEG, linear of others)",
+                      absl::StrJoin(kTransferWords, ", ")),
+      [&shown](const std::string& word) {
+        const auto found = std::ranges::find(kTransferWords, word);
+        if (found == kTransferWords.end()) {
+          return unknown_word("--input-transfer", word, {kTransferWords.begin(), kTransferWords.end()});
+        }
+        shown.transfer = static_cast<SignalTransfer>(found - kTransferWords.begin());
+        return absl::OkStatus();
+      });
   add_number(app, kInputSection, "--hlg-peak", "NIT", {400, 2000}, 1000,
              "Display that an HLG image is meant for", [&shown](double nits) { shown.hlg_peak = nits; });
   add_text(

@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "client/image/primaries.h"
 #include "client/image/read/readers.h"
 
@@ -84,18 +85,26 @@ std::string neutral_note(const Imf::Header& header, const Xy& xy) {
 
 absl::Status display_error(const std::string& path, const std::string& id) {
   return absl::UnimplementedError(
-      absl::StrFormat("%s: its %s is %s, the signal of a display, which is not read yet; convert it to "
-                      "linear light, name its "
-                      "colour space with --ocio CONFIG --ocio-input NAME, or say with --primaries NAME that "
-                      "it is linear light",
+      absl::StrFormat("%s: its %s is %s, the signal of a display; name its curve with "
+                      "--input-transfer, such as pq, or its colour space with --ocio CONFIG --ocio-input "
+                      "NAME, or say with --primaries NAME that it is linear light",
                       path, kId, printable(id)));
 }
 
 // What the ID states, if it states something.
-std::optional<Statement> statement_of(const std::string& id) {
+std::optional<Statement> statement_of(const std::string& id, const PictureChoice& choice) {
   const InteropSpace* space = find_interop_space(id);
+  const std::string shown = space != nullptr ? space->id : printable(id);
+  if (const std::vector<std::string> words = absl::StrSplit(id, '_');
+      space == nullptr && choice.transfer && is_display_interop_id(id) && words.size() > 1) {
+    // "pq_rec2020_display" has the primaries of "lin_rec2020_scene".
+    space = find_interop_space(absl::StrCat("lin_", words[1], "_scene"));
+  }
   if (space == nullptr) return std::nullopt;
-  return Statement{absl::StrCat(kId, " ", space->id), xy_of(space->primaries), space->curve};
+  return Statement{.attribute = absl::StrCat(kId, " ", shown),
+                   .xy = xy_of(space->primaries),
+                   .curve = choice.transfer ? ColorCurve::kLinear : space->curve,
+                   .says_curve = !choice.transfer};
 }
 
 }  // namespace
@@ -119,11 +128,11 @@ absl::StatusOr<ExrColor> exr_color(const std::string& path, const Imf::Header& h
                                    const PictureChoice& choice) {
   ExrColor color;
   const std::string id = color_interop_id(header);
-  const std::optional<Statement> named = statement_of(id);
+  const std::optional<Statement> named = statement_of(id, choice);
   const bool display = is_display_interop_id(id);
   const bool is_light = named ? named->curve == ColorCurve::kLinear : !display && !holds_data(header);
   if (choice.own_values) {
-    if (!is_light) {
+    if (!is_light && (!choice.transfer || choice.keeps_signal)) {
       color.notes.push_back(
           absl::StrFormat("its values are taken as they stand; its %s is %s", kId, printable(id)));
     }
@@ -135,7 +144,7 @@ absl::StatusOr<ExrColor> exr_color(const std::string& path, const Imf::Header& h
   }
   std::vector<Statement> statements;
   if (is_aces_container(header)) statements.push_back({absl::StrCat(kFlag, " 1"), xy_of("AP0")});
-  if (display && statements.empty()) return display_error(path, id);
+  if (display && statements.empty() && !choice.transfer) return display_error(path, id);
   if (named) statements.push_back(*named);
   if (Imf::hasChromaticities(header)) {
     const Imf::Chromaticities& c = Imf::chromaticities(header);
@@ -145,11 +154,12 @@ absl::StatusOr<ExrColor> exr_color(const std::string& path, const Imf::Header& h
          .says_curve = false});
   }
   if (!id.empty() && !named && !absl::EqualsIgnoreCase(id, "unknown")) {
-    color.notes.push_back(absl::StrFormat("its %s, \"%s\", is not used: %s", kId, printable(id),
-                                          display || absl::EqualsIgnoreCase(id, "data")
-                                              ? absl::StrCat("its ", kFlag, " 1 counts")
-                                              : "no public list has that name; --primaries says what its "
-                                                "primaries are"));
+    color.notes.push_back(
+        absl::StrFormat("its %s, \"%s\", is not used: %s", kId, printable(id),
+                        is_aces_container(header) && (display || absl::EqualsIgnoreCase(id, "data"))
+                            ? absl::StrCat("its ", kFlag, " 1 counts")
+                            : "no public list has that name; --primaries says what its "
+                              "primaries are"));
   }
   if (!statements.empty()) {
     color.xy = statements.front().xy;

@@ -27,6 +27,7 @@ struct ExrColor {
 //
 // Errors name `path`: UNIMPLEMENTED for the colorInteropID of a display's signal. For one of "data" the
 // values are as they stand, with a note; choose_exr_picture() has decided that they are shown. With
+// choice.transfer, statements count for their primaries alone, also one of a display's signal. With
 // choice.own_values, nothing is an error, no primaries are named and nothing is decoded.
 absl::StatusOr<ExrColor> exr_color(const std::string& path, const Imf::Header& header,
                                    const PictureChoice& choice);

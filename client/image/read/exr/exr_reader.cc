@@ -32,6 +32,7 @@
 #include "client/image/read/exr/exr_rate.h"
 #include "client/image/read/exr/exr_windows.h"
 #include "client/image/read/readers.h"
+#include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -140,7 +141,9 @@ class PictureReader {
     return image;
   }
 
-  bool wants_floats() const { return choice_.as_floats || color_.curve != ColorCurve::kLinear; }
+  bool wants_floats() const {
+    return choice_.as_floats || color_.curve != ColorCurve::kLinear || decodes_values(choice_);
+  }
 
   // The image that was read, with the colours that the file names.
   absl::StatusOr<Image> with_colour(Image read) const {
