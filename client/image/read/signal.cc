@@ -174,7 +174,7 @@ SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
   }
   if (coded) signal_.transfer = SignalTransfer::kLinear;
   if (signal_.transfer == SignalTransfer::kHlg) {
-    hlg_.emplace(signal_.xy == kNone ? kRec709.xy : signal_.xy, choice.hlg_peak);
+    hlg_.emplace(choice.primaries.value_or(signal_.xy == kNone ? kRec709.xy : signal_.xy), choice.hlg_peak);
   }
 }
 
@@ -208,7 +208,7 @@ void decode_values(const PictureChoice& choice, Image& image) {
   }
   std::optional<HlgDisplay> hlg;
   if (signal.transfer == SignalTransfer::kHlg) {
-    hlg.emplace(image.chromaticities.value_or(kRec709.xy), choice.hlg_peak);
+    hlg.emplace(choice.primaries.value_or(image.chromaticities.value_or(kRec709.xy)), choice.hlg_peak);
   }
   bool cut = false;
   std::byte* const end = image.pixels.data() + image.bytes();

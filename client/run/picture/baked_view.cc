@@ -64,6 +64,7 @@ PictureChoice choice_of(const PictureOptions& options, const BakedView* view) {
   PictureChoice choice = options.shown;
   choice.own_values =
       has_primaries(options.settings) || !options.view.input.empty() || (view != nullptr && view->view.as_is);
+  if (has_primaries(options.settings)) choice.primaries = primaries_used({}, options.settings).xy;
   choice.keeps_signal = !options.view.input.empty() || (view != nullptr && view->view.as_is);
   choice.as_floats = view != nullptr && view->view.to_scene;
   return choice;

@@ -105,6 +105,16 @@ TEST_F(SignalInput, HlgIsMeantForADisplay) {
   };
   EXPECT_NEAR(code({}), 255, 1);  // 75 % is reference white
   EXPECT_LT(code({"--hlg-peak", "400"}), 190);
+  // Blue has the luminance that the primaries of --primaries give it, not that of the file's.
+  write_file(hlg, png_of(1, 8, 2, {'\0', '\0', '\x80'}, cicp(9, 18)));
+  const std::string pfm = folder_.path("out.pfm");
+  ASSERT_EQ(candela({"render", hlg, pfm, "--curve", "linear", "--primaries", "rec709", "-q"}).code, 0);
+  const std::string bytes = read_file(pfm);
+  float blue = 0;
+  std::memcpy(&blue, bytes.data() + bytes.size() - sizeof blue, sizeof blue);
+  const double scene = std::pow(128 / 255.0, 2) / 3;
+  const double expected = 1000 / 203.0 * std::pow(0.0721923 * scene, 0.2) * scene;
+  EXPECT_NEAR(blue, expected, 1e-3 * expected);
   EXPECT_EQ(candela({"render", hlg, out_, "--hlg-peak", "100"}).code, 2);
 }
 

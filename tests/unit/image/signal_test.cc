@@ -11,6 +11,7 @@
 #include <tuple>
 #include <vector>
 
+#include "client/image/primaries.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
@@ -63,6 +64,9 @@ TEST(Signal, HlgHasItsPublishedValues) {
   const double half = 2000 * std::pow(0.26496256, 1.326432598);
   near(nits(hlg, {0.75, 0.75, 0.75}, {.hlg_peak = 2000}), {half, half, half});
   near(nits(hlg, {0, 0, 0}), {0, 0, 0});
+  // The user's primaries weigh it: Rec.709's blue has 0.0722 of white's luminance.
+  near(nits(hlg, {0, 0, 1}, {.primaries = kRec709.xy}), {0, 0, 1000 * std::pow(0.07219232, 0.2)});
+  near(nits(hlg, {0, 0, 1}), {0, 0, 1000 * std::pow(0.05930172, 0.2)});
 }
 
 TEST(Signal, OtherCodePointsAreRefusedByName) {
