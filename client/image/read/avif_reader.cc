@@ -1,12 +1,15 @@
 // Reads AVIF files by libavif: the first picture, of 8, 10 or 12 bits, upright. Gain maps are not used, and a
-// cropping (clap) is not applied.
+// cropping (clap) is not applied; notes say so.
 #include <avif/avif.h>
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "client/image/read/icc_name.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
@@ -60,18 +63,44 @@ class Upright {
 absl::StatusOr<Signal> signal_of_avif(const FileReader& file, const avifImage& image,
                                       const PictureChoice& choice, std::vector<std::string>& notes) {
   Signal signal;
-  if (image.icc.size > 0) {
-    notes.push_back("the file's ICC profile is not used: its code points count, or sRGB");
-  }
   if (image.colorPrimaries == AVIF_COLOR_PRIMARIES_UNSPECIFIED &&
       image.transferCharacteristics == AVIF_TRANSFER_CHARACTERISTICS_UNSPECIFIED) {
+    if (image.icc.size > 0) {
+      take_profile("ICC", icc_name({reinterpret_cast<const char*>(image.icc.data), image.icc.size}), signal,
+                   notes);
+    }
     return signal;
   }
+  if (image.icc.size > 0) notes.push_back("the file's ICC profile is not used: its code points count");
   signal.source = "nclx";
   const absl::Status status =
       set_code_points(file.path(), image.colorPrimaries, image.transferCharacteristics, signal);
   if (status.ok() || (choice.transfer && choice.own_values)) return signal;
   return status;
+}
+
+// Whether the file says that it holds a gain map, which this libavif does not look for: by the brand of ISO
+// 21496-1, or by Apple's kind of an auxiliary picture.
+bool has_gain_map(absl::string_view file) {
+  while (file.size() >= 8) {
+    const size_t size = big_endian_at(file, 0);
+    const absl::string_view kind = file.substr(4, 4);
+    if (size < 8 || size > file.size()) return false;  // the pixels, to the end of the file or of 64 bits
+    for (size_t at = 8; kind == "ftyp" && at + 4 <= size; at += 4) {
+      if (file.substr(at, 4) == "tmap") return true;
+    }
+    if (kind == "meta" && absl::StrContains(file.substr(0, size), ":hdrgainmap")) return true;
+    file.remove_prefix(size);
+  }
+  return false;
+}
+
+// The width of an upright pixel over its height; nothing if the file does not say it.
+std::optional<double> pixel_aspect_of(const avifImage& image) {
+  if ((image.transformFlags & AVIF_TRANSFORM_PASP) == 0) return std::nullopt;
+  const double across = image.pasp.hSpacing, down = image.pasp.vSpacing;
+  const bool on_its_side = (image.transformFlags & AVIF_TRANSFORM_IROT) != 0 && image.irot.angle % 2 == 1;
+  return on_its_side ? down / across : across / down;
 }
 
 }  // namespace
@@ -103,6 +132,9 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   }
   if ((picture.transformFlags & AVIF_TRANSFORM_CLAP) != 0)
     notes.push_back("its cropping (clap) is not applied");
+  if (has_gain_map({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) {
+    notes.push_back("its gain map is not used: the picture without it is shown");
+  }
   ASSIGN_OR_RETURN(Image image, make_image(upright.width(), upright.height(), kFormat));
   // The coded picture says its size again, and memory is taken for that.
   decoder->imageSizeLimit = picture.width * picture.height;
@@ -122,6 +154,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
 
   image.has_alpha = picture.alphaPlane != nullptr;
   image.notes = std::move(notes);
+  if (const std::optional<double> aspect = pixel_aspect_of(picture)) set_pixel_aspect(*aspect, image);
   const SignalDecoder light(std::move(signal), choice);
   light.describe(static_cast<int>(picture.depth), image);
   const auto pixel = [&image](uint32_t x, uint32_t y) {

@@ -154,11 +154,7 @@ absl::StatusOr<Signal> signal_of_png(const FileReader& file, const Png& png, con
   png_uint_32 size = 0;
   int ignored = 0;
   if (png_get_iCCP(png.get(), png.info(), &profile, &ignored, &bytes, &size) != 0) {
-    signal.source = "iCCP";
-    if (set_by_profile_name(profile, signal)) return signal;
-    signal.source.clear();
-    notes.push_back(absl::StrFormat("the ICC profile \"%s\" is none that Candela knows: taken as sRGB",
-                                    printable(profile)));
+    take_profile("iCCP", profile, signal, notes);
     return signal;
   }
   if (png_get_sRGB(png.get(), png.info(), &ignored) != 0) {

@@ -126,6 +126,13 @@ void note_missing(const std::string& path, const absl::Status& why, uint64_t mis
   image.has_alpha = true;
 }
 
+uint32_t big_endian_at(absl::string_view bytes, uint64_t at, size_t size) {
+  if (at > bytes.size() || size > bytes.size() - at) return 0;
+  uint32_t number = 0;
+  for (size_t i = 0; i < size; ++i) number = number << 8 | static_cast<unsigned char>(bytes[at + i]);
+  return number;
+}
+
 void set_chromaticities(const std::array<float, 8>& xy, Image& image) {
   image.chromaticities.reset();
   if (!has_matrix(xy)) {

@@ -47,6 +47,10 @@ void note_missing(const std::string& path, const absl::Status& why, uint64_t mis
 // Otherwise a file could put line ends or terminal commands into a message. A character is never cut.
 std::string printable(absl::string_view text, size_t most = 40);
 
+// The number that `size` bytes, at most 4, at this place make, the highest first. 0 if they are not all
+// there.
+uint32_t big_endian_at(absl::string_view bytes, uint64_t at, size_t size = 4);
+
 // Sets the image's primaries and white, and that the file names them. Leaves them out if they are Rec.709 and
 // D65 within 1e-4. Ignores them with a note if they give no matrix: not finite, a white without luminance, or
 // primaries on a line.

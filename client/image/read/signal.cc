@@ -112,6 +112,10 @@ absl::Status set_code_points(const std::string& path, int primaries, int transfe
     case 13:
       signal.transfer = SignalTransfer::kSrgb;
       break;
+    case 4:
+      signal.transfer = SignalTransfer::kGamma;
+      signal.gamma = 2.2;
+      break;
     case 8:
       signal.transfer = SignalTransfer::kLinear;
       break;
@@ -124,7 +128,7 @@ absl::Status set_code_points(const std::string& path, int primaries, int transfe
     case 2:
       break;
     default:
-      return refused("transfer", transfer, "1, 8, 13, 16 and 18", "--input-transfer");
+      return refused("transfer", transfer, "1, 4, 8, 13, 16 and 18", "--input-transfer");
   }
   const auto named = [&](const char* word) {
     for (const NamedPrimaries& one : named_primaries()) {
@@ -146,6 +150,16 @@ bool set_by_profile_name(const std::string& profile, Signal& signal) {
   if (!p3 && !rec2020 && !pq && !hlg && !has("srgb")) return false;
   const int primaries = p3 ? 12 : rec2020 || pq || hlg ? 9 : 1;
   return set_code_points("", primaries, pq ? 16 : hlg ? 18 : 13, signal).ok();
+}
+
+void take_profile(const std::string& source, const std::string& profile, Signal& signal,
+                  std::vector<std::string>& notes) {
+  if (set_by_profile_name(profile, signal)) {
+    signal.source = source;
+    return;
+  }
+  notes.push_back(absl::StrFormat("the ICC profile \"%s\" is none that Candela knows: taken as sRGB",
+                                  printable(profile)));
 }
 
 HlgDisplay::HlgDisplay(const std::array<float, 8>& xy, double peak)

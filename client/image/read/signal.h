@@ -31,6 +31,10 @@ absl::Status set_code_points(const std::string& path, int primaries, int transfe
 // Sets them by the name of an ICC profile, such as "Display P3". False if it says nothing.
 bool set_by_profile_name(const std::string& profile, Signal& signal);
 
+// The same of a file that holds the profile where `source` says, with a note if its name says nothing.
+void take_profile(const std::string& source, const std::string& profile, Signal& signal,
+                  std::vector<std::string>& notes);
+
 // The light of an HLG display, whose peak is in nit. Its primaries weigh the luminance.
 class HlgDisplay {
  public:

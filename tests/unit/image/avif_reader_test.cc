@@ -1,0 +1,211 @@
+// AVIF files as input.
+#include <avif/avif.h>
+#include <gtest/gtest.h>
+#include <lcms2.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "client/image/read/icc_name.h"
+#include "client/image/read/signal.h"
+#include "tests/support/files.h"
+#include "tests/support/status.h"
+#include "tests/unit/image/image_support.h"
+#include "tests/unit/image/png_bytes.h"
+#include "tests/unit/image/signal_support.h"
+
+namespace candela {
+namespace {
+
+// A lossless picture of 10 bits, each pixel R, G, B from `codes`.
+std::string avif_of(uint32_t width, uint32_t height,
+                    const std::function<std::array<int, 3>(uint32_t, uint32_t)>& codes,
+                    const std::function<void(avifImage&)>& change) {
+  avifImage* const image =
+      avifImageCreate(static_cast<int>(width), static_cast<int>(height), 10, AVIF_PIXEL_FORMAT_YUV444);
+  image->yuvRange = AVIF_RANGE_FULL;
+  image->matrixCoefficients = AVIF_MATRIX_COEFFICIENTS_IDENTITY;
+  image->colorPrimaries = AVIF_COLOR_PRIMARIES_BT2020;
+  image->transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_SMPTE2084;
+  change(*image);
+  avifImageAllocatePlanes(image, AVIF_PLANES_YUV);
+  for (uint32_t y = 0; y < height; ++y) {
+    for (uint32_t x = 0; x < width; ++x) {
+      const std::array<int, 3> rgb = codes(x, y);
+      for (const auto& [plane, k] : {std::pair(AVIF_CHAN_Y, 1), {AVIF_CHAN_U, 2}, {AVIF_CHAN_V, 0}}) {
+        reinterpret_cast<uint16_t*>(image->yuvPlanes[plane] + y * image->yuvRowBytes[plane])[x] =
+            static_cast<uint16_t>(rgb[k]);
+      }
+    }
+  }
+  avifEncoder* const encoder = avifEncoderCreate();
+  encoder->minQuantizer = encoder->maxQuantizer = AVIF_QUANTIZER_LOSSLESS;
+  encoder->speed = 8;
+  avifRWData data = AVIF_DATA_EMPTY;
+  EXPECT_EQ(avifEncoderWrite(encoder, image, &data), AVIF_RESULT_OK);
+  std::string bytes(reinterpret_cast<const char*>(data.data), data.size);
+  avifRWDataFree(&data);
+  avifEncoderDestroy(encoder);
+  avifImageDestroy(image);
+  return bytes;
+}
+std::array<int, 3> some_code(uint32_t x, uint32_t y) {
+  return {static_cast<int>(100 + 40 * x), static_cast<int>(594 + y), static_cast<int>(900 - 7 * x * y)};
+}
+
+// A profile of sRGB that calls itself this.
+std::string profile_of(const char* name, double version) {
+  cmsHPROFILE profile = cmsCreate_sRGBProfile();
+  cmsSetProfileVersion(profile, version);
+  cmsMLU* const text = cmsMLUalloc(nullptr, 1);
+  cmsMLUsetASCII(text, "en", "US", name);
+  EXPECT_TRUE(cmsWriteTag(profile, cmsSigProfileDescriptionTag, text));
+  cmsMLUfree(text);
+  cmsUInt32Number size = 0;
+  cmsSaveProfileToMem(profile, nullptr, &size);
+  std::string bytes(size, '\0');
+  EXPECT_TRUE(cmsSaveProfileToMem(profile, bytes.data(), &size));
+  cmsCloseProfile(profile);
+  return bytes;
+}
+
+TEST(AvifReader, EveryPixelIsItsLight) {
+  const std::string bytes = avif_of(17, 9, some_code, [](avifImage&) {});
+  ASSERT_OK_AND_ASSIGN(const Image image, read_signal(bytes));
+  EXPECT_EQ(image.width, 17u);
+  EXPECT_EQ(image.height, 9u);
+  EXPECT_EQ(image.signal, "10 bits, PQ, from nclx");
+  EXPECT_TRUE(image.display_light);
+  const Signal pq = of_code_points(9, 16);
+  for (uint32_t y = 0; y < 9; ++y) {
+    for (uint32_t x = 0; x < 17; ++x) {
+      const std::array<int, 3> code = some_code(x, y);
+      const std::array<double, 3> expected = nits(pq, {code[0] / 1023.0, code[1] / 1023.0, code[2] / 1023.0});
+      for (size_t k = 0; k < 3; ++k) {
+        ASSERT_NEAR(light_at(image, y * 17 + x, k) * 203, expected[k], 3e-4 * expected[k])
+            << x << " " << y << " " << k;
+      }
+    }
+  }
+}
+
+// A viewer turns and mirrors what the file says.
+TEST(AvifReader, IsUpright) {
+  const auto turned = [](int angle, int mirror) {
+    return *read_signal(avif_of(17, 9, some_code, [&](avifImage& image) {
+      if (angle > 0) image.transformFlags |= AVIF_TRANSFORM_IROT;
+      image.irot.angle = static_cast<uint8_t>(angle);
+      if (mirror >= 0) image.transformFlags |= AVIF_TRANSFORM_IMIR;
+      image.imir.mode = static_cast<uint8_t>(std::max(mirror, 0));
+    }));
+  };
+  const Image plain = turned(0, -1);
+  const auto of = [](const Image& image, uint32_t x, uint32_t y) {
+    return light_at(image, y * image.width + x, 0);
+  };
+  const Image left = turned(1, -1);  // a quarter turn counterclockwise: the right edge is on top
+  EXPECT_EQ(left.width, 9u);
+  EXPECT_EQ(of(left, 2, 0), of(plain, 16, 2));
+  EXPECT_EQ(of(left, 0, 16), of(plain, 0, 0));
+  EXPECT_EQ(of(turned(2, -1), 0, 0), of(plain, 16, 8));
+  const Image right = turned(3, -1);
+  EXPECT_EQ(of(right, 8, 0), of(plain, 0, 0));
+  EXPECT_EQ(of(turned(0, 0), 3, 0), of(plain, 3, 8));
+  EXPECT_EQ(of(turned(0, 1), 0, 4), of(plain, 16, 4));
+}
+
+TEST(AvifReader, KeepsTheAspectOfItsPixels) {
+  const auto aspect = [](uint32_t across, uint32_t down, int angle) {
+    return *read_signal(avif_of(2, 1, some_code, [&](avifImage& image) {
+      image.transformFlags |= AVIF_TRANSFORM_PASP | AVIF_TRANSFORM_IROT;
+      image.pasp = {across, down};
+      image.irot.angle = static_cast<uint8_t>(angle);
+    }));
+  };
+  EXPECT_EQ(aspect(2, 1, 0).pixel_aspect, 2);
+  EXPECT_EQ(aspect(4, 3, 2).pixel_aspect, 4 / 3.0);
+  EXPECT_EQ(aspect(2, 1, 1).pixel_aspect, 0.5);  // turned with the picture
+  EXPECT_EQ(aspect(2, 1, 3).pixel_aspect, 0.5);
+  for (const Image& strange : {aspect(0, 1, 0), aspect(1, 0, 0), aspect(0, 0, 1)}) {
+    EXPECT_EQ(strange.pixel_aspect, 1);
+    EXPECT_TRUE(says(strange.notes.front(), "is not within 0.01 .. 100 and was ignored"));
+  }
+}
+
+TEST(AvifReader, GammaAndKnownProfilesAreRead) {
+  const std::string gamma = avif_of(2, 1, some_code, [](avifImage& image) {
+    image.colorPrimaries = AVIF_COLOR_PRIMARIES_BT709;
+    image.transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_BT470M;
+  });
+  ASSERT_OK_AND_ASSIGN(const Image image, read_signal(gamma));
+  EXPECT_EQ(image.signal, "10 bits, gamma 2.2, from nclx");
+  EXPECT_NEAR(light_at(image, 0, 0), std::pow(100 / 1023.0, 2.2), 1e-6);
+  const auto with_profile = [](const std::string& profile, int code_point) {
+    return avif_of(2, 1, some_code, [&](avifImage& made) {
+      made.colorPrimaries = static_cast<avifColorPrimaries>(code_point);
+      made.transferCharacteristics = static_cast<avifTransferCharacteristics>(code_point);
+      avifImageSetProfileICC(&made, reinterpret_cast<const uint8_t*>(profile.data()), profile.size());
+    });
+  };
+  for (const double version : {2.1, 4.3}) {
+    ASSERT_OK_AND_ASSIGN(const Image p3, read_signal(with_profile(profile_of("Display P3", version), 2)));
+    EXPECT_EQ(p3.signal, "10 bits, sRGB, from ICC") << version;
+    EXPECT_EQ((*p3.chromaticities)[0], 0.68f);
+    EXPECT_TRUE(p3.notes.empty());
+  }
+  ASSERT_OK_AND_ASSIGN(const Image other, read_signal(with_profile(profile_of("Canon MP500", 4.3), 2)));
+  EXPECT_EQ(other.signal, "10 bits, sRGB, assumed");
+  EXPECT_EQ(other.notes.front(), "the ICC profile \"Canon MP500\" is none that Candela knows: taken as sRGB");
+  ASSERT_OK_AND_ASSIGN(const Image both, read_signal(with_profile(profile_of("Display P3", 4.3), 1)));
+  EXPECT_EQ(both.signal, "10 bits, sRGB, from nclx");
+  EXPECT_FALSE(both.chromaticities);
+  EXPECT_EQ(both.notes.front(), "the file's ICC profile is not used: its code points count");
+}
+
+TEST(AvifReader, AGainMapIsNoted) {
+  std::string bytes = avif_of(2, 1, some_code, [](avifImage&) {});
+  EXPECT_TRUE(read_signal(bytes)->notes.size() == 1) << read_signal(bytes)->notes.back();  // of PQ
+  ASSERT_OK_AND_ASSIGN(const Image apple, read_signal(bytes + big_endian(44) + "meta" + std::string(4, '\0') +
+                                                      "aux:hdrgainmap" + std::string(18, '\0')));
+  EXPECT_EQ(apple.notes.front(), "its gain map is not used: the picture without it is shown");
+  bytes.replace(bytes.find("miaf"), 4, "tmap");
+  ASSERT_OK_AND_ASSIGN(const Image iso, read_signal(bytes));
+  EXPECT_EQ(iso.notes.front(), "its gain map is not used: the picture without it is shown");
+}
+
+TEST(IccName, DamagedProfilesHaveNone) {
+  for (const double version : {2.1, 4.3}) {
+    const std::string good = profile_of("Display P3", version);
+    EXPECT_EQ(icc_name(good), "Display P3");
+    for (size_t size = 0; size < good.size(); size += 7) {
+      EXPECT_LE(icc_name(good.substr(0, size)).size(), 10u);
+    }
+    std::string bad = good;
+    for (size_t i = 0; i < 200; ++i) {
+      bad[128 + i] = '\xff';
+      EXPECT_LE(icc_name(bad).size(), 256u);
+    }
+  }
+}
+
+TEST(AvifReader, WhatCannotBeReadIsNamed) {
+  const std::string good = avif_of(17, 9, some_code, [](avifImage&) {});
+  for (size_t size = 12; size < good.size(); size += good.size() / 20) {
+    const absl::Status status = read_signal(good.substr(0, size)).status();
+    EXPECT_TRUE(says(status.message(), "file: damaged AVIF file: ")) << size << " " << status;
+  }
+  const std::string strange = avif_of(17, 9, some_code, [](avifImage& image) {
+    image.transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_LOG100;
+  });
+  EXPECT_TRUE(says(read_signal(strange).status().message(),
+                   "file: its nclx is transfer 9 of H.273; Candela reads 1, 4,"));
+  EXPECT_OK(read_signal(strange, {.own_values = true, .transfer = SignalTransfer::kPq}));
+  EXPECT_TRUE(says(read_image_bytes("file", good, {.max_pixels = 100}).status().message(),
+                   "--max-pixels allows 100"));
+}
+
+}  // namespace
+}  // namespace candela
