@@ -1,5 +1,6 @@
 #include "client/image/read/image_stream.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -7,6 +8,7 @@
 #include "client/base/failure.h"
 #include "client/image/read/exr/exr_take.h"
 #include "client/image/read/pfm_header.h"
+#include "client/image/read/png_take.h"
 #include "client/image/read/readers.h"
 #include "server/base/status_macros.h"
 
@@ -19,6 +21,16 @@ constexpr size_t kMostPfmHeader = 4096;  // with its comments
 
 // Of an OpenEXR file, several channels are not rendered.
 uint64_t most_piped_bytes(const ImageLimits& limits) { return 4 * limits.max_bytes; }
+
+absl::StatusOr<bool> take_piped(ByteSource& source, const std::string& name, const ImageLimits& limits,
+                                uint64_t count, std::string& bytes) {
+  const uint64_t most = most_piped_bytes(limits);
+  if (count > most - std::min<uint64_t>(bytes.size(), most)) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "%s: it takes more than the %d bytes that a file in a pipe may have; give it as a file", name, most));
+  }
+  return source.take(count, bytes);
+}
 
 std::string ImageStream::name() const { return absl::StrFormat("%s, frame %d", name_, count_); }
 
@@ -45,18 +57,13 @@ absl::Status ImageStream::take_file(std::string& bytes) {
   for (const char* pfm : {"PF", "Pf", "PH", "Ph"}) {
     if (absl::StartsWith(bytes, pfm)) return take_pfm(bytes);
   }
-  if (bytes == "\x89PNG") {
-    return absl::UnimplementedError(absl::StrFormat(
-        "%s: a PNG holds codes of a display, and candela takes scene light: PFM, PHM or OpenEXR, such as "
-        "ffmpeg -i IN -vf format=gbrpf32le -f image2pipe -c:v phm - makes",
-        name()));
-  }
+  if (bytes == "\x89PNG") return take_png(source_, name(), limits_, bytes);
   if (absl::StartsWith(bytes, "#?")) {
     return absl::UnimplementedError(absl::StrFormat(
-        "%s: a Radiance file does not say where it ends; a pipe takes PFM, PHM and OpenEXR", name()));
+        "%s: a Radiance file does not say where it ends; a pipe takes PFM, PHM, PNG and OpenEXR", name()));
   }
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s: here no PFM, PHM or OpenEXR file begins, so what follows cannot be read", name()));
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: here no PFM, PHM, PNG or OpenEXR file begins, so what follows cannot be read", name()));
 }
 
 absl::Status ImageStream::take_pfm(std::string& bytes) {

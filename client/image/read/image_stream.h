@@ -19,8 +19,13 @@ inline constexpr char kStdinName[] = "standard input";
 // The most bytes that one file in a pipe may have.
 uint64_t most_piped_bytes(const ImageLimits& limits);
 
-// Reads PFM, PHM and OpenEXR files of one part. These say themselves how long they are, so nothing has to be
-// between them. Each is taken whole, and then read as a file is. Used by one thread, but for stop().
+// Appends the next bytes of a file to those that have come. False if the stream ends within them.
+// RESOURCE_EXHAUSTED, with `name`, if the file would have more than a file in a pipe may have.
+absl::StatusOr<bool> take_piped(ByteSource& source, const std::string& name, const ImageLimits& limits,
+                                uint64_t count, std::string& bytes);
+
+// Reads PFM, PHM, PNG and OpenEXR files of one part. These say themselves how long they are, so nothing has
+// to be between them. Each is taken whole, and then read as a file is. Used by one thread, but for stop().
 class ImageStream {
  public:
   // `descriptor` is read until its end, and stays open. `name` names it in messages.

@@ -274,6 +274,24 @@ TEST_F(Pipes, RenderTakesAndGivesOneImage) {
   EXPECT_TRUE(says(told.err, "31x17"));
 }
 
+// As `ffmpeg -i IN -f image2pipe -c:v png -` writes them.
+TEST_F(Pipes, PngsAreFrames) {
+  make_frames(3);
+  ASSERT_EQ(candela({"stream", in(), folder_.path("first/%04d.png"), "-q"}).code, 0);
+  std::string all;
+  for (const std::string& name : names_in(folder_.path("first")))
+    all += read_file(folder_.path("first/" + name));
+  write_file(folder_.path("pngs"), all);
+  ASSERT_EQ(candela({"stream", folder_.path("first/*.png"), folder_.path("files/%04d.png"), "-q"}).code, 0);
+  const Outcome piped =
+      fed(folder_.path("pngs"), {"stream", "-", folder_.path("piped/%04d.png"), "-q", "--first", "0"});
+  ASSERT_EQ(piped.code, 0) << piped.err;
+  for (const std::string& name : names_in(folder_.path("files"))) {
+    EXPECT_EQ(read_file(folder_.path("piped/" + name)), read_file(folder_.path("files/" + name))) << name;
+  }
+  EXPECT_EQ(names_in(folder_.path("piped")).size(), 3u);
+}
+
 TEST_F(Pipes, ABrokenFrameIsNamedAndThoseBeforeItAreThere) {
   make_frames(4);
   const std::string all = read_file(all_frames()), cut = folder_.path("cut"), junk = folder_.path("junk");
@@ -295,7 +313,7 @@ TEST_F(Pipes, ABrokenFrameIsNamedAndThoseBeforeItAreThere) {
     if (skip) arguments.emplace_back("--skip-bad");
     outcome = fed(junk, arguments);
     EXPECT_EQ(outcome.code, 3) << outcome.err;
-    EXPECT_TRUE(says(outcome.err, "standard input, frame 5: here no PFM, PHM or OpenEXR file begins"));
+    EXPECT_TRUE(says(outcome.err, "standard input, frame 5: here no PFM, PHM, PNG or OpenEXR file begins"));
     const Json last = lines_of(outcome.out).back();
     EXPECT_EQ(last.at("error").at("input"), "standard input, frame 5");
     EXPECT_EQ(names_in(folder_.path("out")).size(), 4u);

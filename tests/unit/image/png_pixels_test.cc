@@ -42,7 +42,7 @@ Sample sample(uint32_t width, uint32_t height, bool wide, Kind kind, uint32_t pa
   return made;
 }
 
-std::string png_of(const PictureView& view, bool alpha, uint32_t threads) {
+std::string encoded_png(const PictureView& view, bool alpha, uint32_t threads) {
   std::string file;
   EXPECT_OK(encode_png(view, {.alpha = alpha, .threads = threads}, [&file](const void* bytes, size_t count) {
     file.append(static_cast<const char*>(bytes), count);
@@ -94,7 +94,7 @@ void expect_holds(const std::string& file, const PictureView& view, bool alpha) 
   png_destroy_read_struct(&png, &info, nullptr);
 }
 
-uint32_t big_endian(const std::string& file, size_t at) {
+uint32_t number_in(const std::string& file, size_t at) {
   uint32_t value = 0;
   for (size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<uint8_t>(file[at + i]);
   return value;
@@ -103,9 +103,9 @@ uint32_t big_endian(const std::string& file, size_t at) {
 // What the IDAT chunks hold together.
 std::string stream_of(const std::string& file, int* chunks = nullptr) {
   std::string stream;
-  for (size_t at = 8; at < file.size(); at += 12 + big_endian(file, at)) {
+  for (size_t at = 8; at < file.size(); at += 12 + number_in(file, at)) {
     if (file.compare(at + 4, 4, "IDAT") != 0) continue;
-    stream += file.substr(at + 8, big_endian(file, at));
+    stream += file.substr(at + 8, number_in(file, at));
     if (chunks != nullptr) ++*chunks;
   }
   return stream;
@@ -123,7 +123,7 @@ void expect_whole_stream(const std::string& file, const PictureView& view, bool 
 }
 
 void expect_round_trip(const PictureView& view, bool alpha, uint32_t threads) {
-  const std::string file = png_of(view, alpha, threads);
+  const std::string file = encoded_png(view, alpha, threads);
   expect_holds(file, view, alpha);
   expect_whole_stream(file, view, alpha);
 }
@@ -162,11 +162,12 @@ Sample large() { return sample(1000, 700, false, Kind::kNoiseInPlaces, 0, 5); }
 
 TEST(PngPixels, TheNumberOfThreadsDoesNotChangeTheFile) {
   const Sample made = large();
-  const std::string one = png_of(made.view, false, 1);
+  const std::string one = encoded_png(made.view, false, 1);
   int chunks = 0;
   stream_of(one, &chunks);
   EXPECT_GT(chunks, 4);
-  for (const uint32_t threads : {0u, 2u, 3u, 16u, 100u}) EXPECT_EQ(png_of(made.view, false, threads), one);
+  for (const uint32_t threads : {0u, 2u, 3u, 16u, 100u})
+    EXPECT_EQ(encoded_png(made.view, false, threads), one);
 }
 
 #ifdef __x86_64__
@@ -182,7 +183,7 @@ TEST(PngPixels, TheProcessorDoesNotChangeTheFile) {
     const int64_t target = rest & -rest;
     hwy::SetSupportedTargetsForTest(target);
     hwy::GetChosenTarget().Update(target);
-    const std::string files = png_of(made.view, false, 1) + png_of(wide.view, true, 1);
+    const std::string files = encoded_png(made.view, false, 1) + encoded_png(wide.view, true, 1);
     EXPECT_EQ(crc32(0, reinterpret_cast<const Bytef*>(files.data()), static_cast<uInt>(files.size())),
               3532565110u)
         << hwy::TargetName(target);

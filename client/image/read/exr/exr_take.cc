@@ -59,12 +59,8 @@ class ExrTaker {
 
   absl::Status append(uint64_t count) {
     if (ended_) return absl::OkStatus();
-    if (count > most_piped_bytes(limits_) - std::min<uint64_t>(bytes_.size(), most_piped_bytes(limits_))) {
-      return absl::ResourceExhaustedError(absl::StrFormat(
-          "%s: it takes more than the %d bytes that a file in a pipe may have; give it as a file", name_,
-          most_piped_bytes(limits_)));
-    }
-    ended_ = !source_.take(count, bytes_);
+    ASSIGN_OR_RETURN(const bool whole, take_piped(source_, name_, limits_, count, bytes_));
+    ended_ = !whole;
     return absl::OkStatus();
   }
 

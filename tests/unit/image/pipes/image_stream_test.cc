@@ -18,6 +18,7 @@
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
+#include "tests/unit/image/png_bytes.h"
 
 namespace candela {
 namespace {
@@ -164,7 +165,7 @@ TEST_F(ImageStreams, PixelsThatLookLikeAHeaderAreNone) {
 TEST_F(ImageStreams, ABrokenFrameIsNamedByItsNumber) {
   const std::string good = pfm("PF\n1 1\n-1\n", {1, 2, 3});
   EXPECT_EQ(failure(good + good + "what?"),
-            "pipe, frame 3: here no PFM, PHM or OpenEXR file begins, so what follows cannot be read");
+            "pipe, frame 3: here no PFM, PHM, PNG or OpenEXR file begins, so what follows cannot be read");
   EXPECT_EQ(failure(good + good.substr(0, good.size() - 1)),
             "pipe, frame 2: the file is truncated: 1 of 12 bytes of pixels is missing");
   EXPECT_EQ(failure("PF"),
@@ -172,7 +173,6 @@ TEST_F(ImageStreams, ABrokenFrameIsNamedByItsNumber) {
             "scale, each followed by white space");
   EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file");
   EXPECT_TRUE(failure(good + "PF\n#" + std::string(9999, ' ')).starts_with("pipe, frame 2: its PFM header"));
-  EXPECT_TRUE(failure("\x89PNG\r\n\x1a\n").starts_with("pipe, frame 1: a PNG holds codes of a display"));
   EXPECT_TRUE(
       failure("#?RADIANCE\n").starts_with("pipe, frame 1: a Radiance file does not say where it ends"));
   write_scan_lines(folder_.path("a.exr"), Imf::Header(20, 40), rgb_channels());
@@ -199,6 +199,46 @@ TEST_F(ImageStreams, LimitsHoldBeforeMemoryIsTaken) {
   const uint32_t claimed = 1u << 30;
   std::memcpy(file.data() + at, &claimed, 4);
   EXPECT_TRUE(failure(file).starts_with("pipe, frame 1: damaged OpenEXR file: attribute compression claims"));
+}
+
+TEST_F(ImageStreams, PngsComeOneAfterAnother) {
+  const std::string grey = png_of(3, 8, 0, "abc"), wide = png_of(1, 16, 2, "abcdef", cicp(9, 16));
+  const std::string frame = pfm("PF\n1 1\n-1\n", {1, 2, 3});
+  ASSERT_OK_AND_ASSIGN(const std::vector<Image> images, read(grey + wide + frame + grey));
+  ASSERT_EQ(images.size(), 4u);
+  const std::string* const files[] = {&grey, &wide, &frame, &grey};
+  for (size_t i = 0; i < images.size(); ++i) {
+    ASSERT_OK_AND_ASSIGN(const Image file, read_image_bytes("file", *files[i]));
+    EXPECT_TRUE(same_pixels(images[i], file)) << i;
+    EXPECT_EQ(images[i].display_light, i == 1);
+  }
+  // Wherever the stream ends, it is that frame which is cut. All its pixels are before IEND.
+  for (size_t size = 1; size < grey.size() - 16; ++size) {
+    EXPECT_TRUE(failure(wide + grey.substr(0, size)).starts_with("pipe, frame 2: ")) << size;
+  }
+  EXPECT_EQ(failure(grey + "\x89PNG\r\n\x1a\r" + grey),
+            "pipe, frame 2: damaged PNG file: its first 8 bytes are not those of a PNG");
+  EXPECT_EQ(failure(grey.substr(0, 8) + chunk("IDAT", "") + grey),
+            "pipe, frame 1: damaged PNG file: it begins without IHDR");
+  // Limits hold before memory is taken.
+  const auto sized = [&](uint32_t width, uint32_t height) {
+    return grey.substr(0, 8) +
+           chunk("IHDR", big_endian(width) + big_endian(height) + std::string("\x8\0\0\0\0", 5));
+  };
+  EXPECT_TRUE(failure(sized(0, 1)).find("it must be at least 1x1") != std::string::npos);
+  EXPECT_TRUE(failure(sized(0xffffffff, 1)).find("4294967295x1 pixels; the limit is") != std::string::npos);
+  EXPECT_TRUE(failure(sized(9000, 9000)).find("the limit is 536870912 bytes") != std::string::npos);
+  EXPECT_TRUE(failure(sized(1, 1) + big_endian(0xffffffff) + "IDAT")
+                  .find("it takes more than the 2147483648 bytes") != std::string::npos);
+  // A damaged frame whose end is known does not end the stream.
+  std::string damaged = grey;
+  damaged[damaged.find("IDAT") + 6] ^= 1;
+  const Fed fed(grey + damaged + grey);
+  ImageStream stream(fed.descriptor(), "pipe", {}, {});
+  EXPECT_OK(stream.next()->status());
+  EXPECT_TRUE(says(stream.next()->status().message(), "pipe, frame 2: damaged PNG file: "));
+  EXPECT_OK(stream.next()->status());
+  EXPECT_FALSE(stream.next().has_value());
 }
 
 TEST_F(ImageStreams, RealFilesAreTheSameThroughAPipe) {
