@@ -1,6 +1,7 @@
 #include "client/image/read/image_stream.h"
 
 #include <algorithm>
+#include <span>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -16,6 +17,20 @@ namespace candela {
 namespace {
 
 constexpr size_t kMostPfmHeader = 4096;  // with its comments
+constexpr size_t kMostY4mLine = 4096;
+
+// The bytes of a y4m up to the line end, which is taken, too.
+absl::StatusOr<std::string> take_line(ByteSource& source, const std::string& name) {
+  std::string line;
+  for (int byte = source.get(); byte != '\n'; byte = source.get()) {
+    if (byte < 0 || line.size() == kMostY4mLine) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: a line of the y4m does not end within %d bytes", name, kMostY4mLine));
+    }
+    line.push_back(static_cast<char>(byte));
+  }
+  return line;
+}
 
 }  // namespace
 
@@ -49,10 +64,26 @@ std::optional<absl::StatusOr<Image>> ImageStream::next() {
     lost_ = input_failure(lost_, name());
     return lost_;
   }
-  return read_image_bytes(name(), std::move(bytes), limits_, choice_);
+  return picture_of(std::move(bytes));
+}
+
+absl::StatusOr<Image> ImageStream::picture_of(std::string bytes) const {
+  if (!has_planes_) return read_image_bytes(name(), std::move(bytes), limits_, choice_);
+  if (const uint64_t wanted = y4m_->frame_bytes(); bytes.size() < wanted) {
+    return input_failure(absl::InvalidArgumentError(absl::StrFormat(
+                             "%s: the file is truncated: %d of %d bytes of the frame are missing", name(),
+                             wanted - bytes.size(), wanted)),
+                         name());
+  }
+  return y4m_->image(std::as_bytes(std::span(bytes)));
 }
 
 absl::Status ImageStream::take_file(std::string& bytes) {
+  has_planes_ = false;
+  if (bytes == kY4mMagic.substr(0, 4)) {
+    RETURN_IF_ERROR(begin_y4m(bytes));
+  }
+  if (y4m_ && bytes == kY4mFrame.substr(0, 4)) return take_planes(bytes);
   if (bytes == "\x76\x2f\x31\x01") return take_exr(source_, name(), limits_, bytes);
   for (const char* pfm : {"PF", "Pf", "PH", "Ph"}) {
     if (absl::StartsWith(bytes, pfm)) return take_pfm(bytes);
@@ -60,10 +91,11 @@ absl::Status ImageStream::take_file(std::string& bytes) {
   if (bytes == "\x89PNG") return take_png(source_, name(), limits_, bytes);
   if (absl::StartsWith(bytes, "#?")) {
     return absl::UnimplementedError(absl::StrFormat(
-        "%s: a Radiance file does not say where it ends; a pipe takes PFM, PHM, PNG and OpenEXR", name()));
+        "%s: a Radiance file does not say where it ends; a pipe takes PFM, PHM, PNG, OpenEXR and y4m",
+        name()));
   }
   return absl::InvalidArgumentError(absl::StrFormat(
-      "%s: here no PFM, PHM, PNG or OpenEXR file begins, so what follows cannot be read", name()));
+      "%s: here no PFM, PHM, PNG, OpenEXR or y4m begins, so what follows cannot be read", name()));
 }
 
 absl::Status ImageStream::take_pfm(std::string& bytes) {
@@ -81,6 +113,26 @@ absl::Status ImageStream::take_pfm(std::string& bytes) {
   words.finish_line();
   bytes.reserve(bytes.size() + header.bytes());
   source_.take(header.bytes(), bytes);
+  return absl::OkStatus();
+}
+
+absl::Status ImageStream::begin_y4m(std::string& bytes) {
+  ASSIGN_OR_RETURN(const std::string line, take_line(source_, name()));
+  ASSIGN_OR_RETURN(y4m_, Y4mFrames::of(name(), bytes + line, limits_, choice_));
+  bytes.clear();
+  if (source_.take(4, bytes)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat("%s: the y4m ends before its first frame", name()));
+}
+
+absl::Status ImageStream::take_planes(std::string& bytes) {
+  ASSIGN_OR_RETURN(const std::string line, take_line(source_, name()));
+  if (const std::string word = bytes + line; word != kY4mFrame && !absl::StartsWith(word, "FRAME ")) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: a y4m's frame begins with FRAME, and here is %s", name(), printable(word)));
+  }
+  bytes.clear();
+  has_planes_ = true;
+  source_.take(y4m_->frame_bytes(), bytes);
   return absl::OkStatus();
 }
 

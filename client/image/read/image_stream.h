@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "client/image/image.h"
 #include "client/image/read/byte_source.h"
+#include "client/image/read/y4m_frames.h"
 
 namespace candela {
 
@@ -24,8 +25,9 @@ uint64_t most_piped_bytes(const ImageLimits& limits);
 absl::StatusOr<bool> take_piped(ByteSource& source, const std::string& name, const ImageLimits& limits,
                                 uint64_t count, std::string& bytes);
 
-// Reads PFM, PHM, PNG and OpenEXR files of one part. These say themselves how long they are, so nothing has
-// to be between them. Each is taken whole, and then read as a file is. Used by one thread, but for stop().
+// Reads PFM, PHM, PNG and OpenEXR files of one part, and the frames of y4m. These say themselves how long
+// they are, so nothing has to be between them. Each is taken whole, and then read as a file is. Used by one
+// thread, but for stop().
 class ImageStream {
  public:
   // `descriptor` is read until its end, and stays open. `name` names it in messages.
@@ -49,12 +51,19 @@ class ImageStream {
   // Takes all bytes of a file of which the first have come. OK, too, if the stream ends within it.
   absl::Status take_file(std::string& bytes);
   absl::Status take_pfm(std::string& bytes);
+  // After the first four bytes of a y4m, takes its header and the first four of a frame.
+  absl::Status begin_y4m(std::string& bytes);
+  // After the first four bytes of a y4m's frame, takes its planes in their place.
+  absl::Status take_planes(std::string& bytes);
+  absl::StatusOr<Image> picture_of(std::string bytes) const;
 
   ByteSource source_;
   const std::string name_;
   const ImageLimits limits_;
   const PictureChoice choice_;
   uint64_t count_ = 0;  // images so far
+  std::optional<Y4mFrames> y4m_;
+  bool has_planes_ = false;  // what was taken last is a frame of y4m_
   absl::Status lost_;
 };
 

@@ -156,6 +156,23 @@ TEST_F(SignalInput, AnAvifIsAnOutputAndThenAnInput) {
   for (uint32_t x = 0; x < kRampWidth; ++x) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(back.code(x, 0, c), shown.code(x, 0, c), 2) << x;
   }
+  // Also of gamma 2.2.
+  ASSERT_EQ(candela({"render", light_, out_, "--primaries", "rec2020", "--transfer", "gamma22", "-q"}).code,
+            0);
+  const std::string gamma = folder_.path("gamma.avif");
+  ASSERT_EQ(candela({"render", light_, gamma, "--primaries", "rec2020", "--transfer", "gamma22", "--quality",
+                     "100", "-q"})
+                .code,
+            0);
+  EXPECT_TRUE(says(candela({"info", gamma}).out, "10 bits, gamma 2.2, from nclx"));
+  ASSERT_EQ(candela({"render", gamma, more, "--as", "png", "--curve", "linear", "--exposure", "0",
+                     "--bloom-intensity", "0", "--transfer", "gamma22", "-q"})
+                .code,
+            0);
+  const Png powers = read_png(out_), powers_back = read_png(more + "gamma.png");
+  for (uint32_t x = 0; x < kRampWidth; ++x) {
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(powers_back.code(x, 0, c), powers.code(x, 0, c), 2) << x;
+  }
   const Outcome missing = candela({"render", fine, folder_.path("none.avif"), more});
   EXPECT_EQ(missing.code, 2);
   EXPECT_TRUE(says(missing.err, "none.avif is no image that candela can read"));

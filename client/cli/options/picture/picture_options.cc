@@ -79,7 +79,7 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
   add_text(
       app, kInputSection, "--input-transfer", "NAME",
       absl::StrFormat("How the image's values stand for light, whatever the file says: %s (default: as it "
-                      "says, else srgb of a PNG, AVIF or JPEG, linear of others)",
+                      "says, else srgb of PNG, AVIF, JPEG and y4m, linear of others)",
                       absl::StrJoin(kTransferWords, ", ")),
       [&shown](const std::string& word) {
         const auto found = std::ranges::find(kTransferWords, word);

@@ -127,8 +127,8 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
              "IN: frames with a number in their names: a folder, files, 'in/*.exr', in/%%04d.exr or "
              "in/####.exr. OUT: a pattern for the frame's number, out/%%04d.png (%s), or a folder for .png, "
              "which keeps the names, or a film that ffmpeg makes, review.mp4 (%s). Either may be -: standard "
-             "input takes PFM, PHM, PNG or OpenEXR files one "
-             "after another, standard output gets y4m or PAM",
+             "input takes PFM, PHM, PNG or OpenEXR files one after another, or y4m, standard output gets y4m "
+             "or PAM",
              extensions_with(), film_extensions()))
       ->required()
       ->option_text(" ");

@@ -165,7 +165,7 @@ TEST_F(ImageStreams, PixelsThatLookLikeAHeaderAreNone) {
 TEST_F(ImageStreams, ABrokenFrameIsNamedByItsNumber) {
   const std::string good = pfm("PF\n1 1\n-1\n", {1, 2, 3});
   EXPECT_EQ(failure(good + good + "what?"),
-            "pipe, frame 3: here no PFM, PHM, PNG or OpenEXR file begins, so what follows cannot be read");
+            "pipe, frame 3: here no PFM, PHM, PNG, OpenEXR or y4m begins, so what follows cannot be read");
   EXPECT_EQ(failure(good + good.substr(0, good.size() - 1)),
             "pipe, frame 2: the file is truncated: 1 of 12 bytes of pixels is missing");
   EXPECT_EQ(failure("PF"),
