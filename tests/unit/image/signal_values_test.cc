@@ -72,6 +72,8 @@ TEST(Power, IsThatOfLongDoubles) {
   EXPECT_EQ(exponential(1e9), kInfinity);
   EXPECT_TRUE(std::isnan(exponential(kNan)));
   EXPECT_EQ(log2_of(8), 3);
+  EXPECT_EQ(log2_of(0x1p-1070), -1070);
+  EXPECT_EQ(exponential(-740), std::exp(-740.0));  // denormal
 }
 
 TEST(SignalValues, EveryTransferIsWithinAFloatsRounding) {
