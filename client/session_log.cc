@@ -91,9 +91,11 @@ uint64_t SessionLog::image_bytes(v1::ImageSize frame) const {
 }
 
 uint64_t SessionLog::image_bytes(const v1::Settings& settings, v1::ImageSize image) const {
-  const v1::OutputFormat format = settings.output_format() == v1::OUTPUT_FORMAT_UNSPECIFIED
-                                      ? v1::OUTPUT_FORMAT_RGBA8
-                                      : settings.output_format();
+  const bool hdr = settings.transfer() == v1::TRANSFER_PQ || settings.transfer() == v1::TRANSFER_HLG;
+  const v1::OutputFormat format = settings.output_format() != v1::OUTPUT_FORMAT_UNSPECIFIED
+                                      ? settings.output_format()
+                                  : hdr ? v1::OUTPUT_FORMAT_RGBA16
+                                        : v1::OUTPUT_FORMAT_RGBA8;
   return raw_ ? uint64_t{image.width} * image.height * bytes_per_pixel(format) : 0;
 }
 

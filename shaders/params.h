@@ -32,6 +32,7 @@ CANDELA_CONST(uint) CURVE_PBR_NEUTRAL = 8u;
 CANDELA_CONST(uint) CURVE_ACES_1 = 9u;
 CANDELA_CONST(uint) CURVE_TABLE = 10u;
 CANDELA_CONST(uint) CURVE_ACES_2 = 11u;
+CANDELA_CONST(uint) CURVE_BT2390 = 12u;
 // Not on the wire: TABLE with AXES_REC709; TABLE with AXES_AP1, and ACES_1 of a frame with wide-gamut light.
 CANDELA_CONST(uint) CURVE_TABLE_REC709 = 101u;
 CANDELA_CONST(uint) CURVE_TABLE_AP1 = 102u;
@@ -45,6 +46,12 @@ CANDELA_CONST(uint) BLOOM_GAUSSIAN = 3u;
 CANDELA_CONST(uint) TRANSFER_SRGB = 1u;
 CANDELA_CONST(uint) TRANSFER_GAMMA22 = 2u;
 CANDELA_CONST(uint) TRANSFER_LINEAR = 3u;
+CANDELA_CONST(uint) TRANSFER_PQ = 4u;
+CANDELA_CONST(uint) TRANSFER_HLG = 5u;
+// The display's primaries.
+CANDELA_CONST(uint) DISPLAY_REC709 = 1u;
+CANDELA_CONST(uint) DISPLAY_REC2020 = 2u;
+CANDELA_CONST(uint) DISPLAY_P3_D65 = 3u;
 CANDELA_CONST(uint) ALPHA_ASSOCIATED = 1u;
 CANDELA_CONST(uint) ALPHA_STRAIGHT = 2u;
 CANDELA_CONST(uint) ALPHA_OVER = 3u;
@@ -78,6 +85,11 @@ CANDELA_CONST(uint) RESOLVE_ROWS = 4u;
 CANDELA_CONST(uint) RESOLVE_STEPS = 16u;
 CANDELA_CONST(uint) RESOLVE_GROUP_X = 8u;
 CANDELA_CONST(uint) RESOLVE_GROUP_Y = 4u;
+
+// An invocation of resolve makes at most 2^8 texels, a subgroup has at most 2^7 of them, and an image at most
+// 2^17 subgroups of 8 or more: neither part of the sum of light leaves 32 bits.
+CANDELA_CONST(float) SHOWN_SCALE = 16384.0f;  // 2^14
+CANDELA_CONST(uint) SHOWN_LOW_BITS = 12u;
 
 // The smallest luminance that is metered, and the smallest divisor in bloom. Darker texels count as this.
 CANDELA_CONST(float) MIN_METERED_LUMINANCE = 1e-4f;
@@ -140,12 +152,28 @@ CANDELA_CONST(int) ACES2_TONE_SHIFT = 18;
 CANDELA_CONST(uint) ACES2_TONE_PIECES = 288u;  // to a response of 32
 CANDELA_CONST(uint) ACES2_HUE_BEGIN = ACES2_CONSTANTS + ACES2_TONE_PIECES;
 CANDELA_CONST(uint) ACES2_HUES = 16384u;
+// A gain map beside an SDR image (shaders/glsl/gain.glsl): cubic pieces, 2^(23 - SHIFT) an octave above the
+// knee, of light to GAIN_END.
+CANDELA_CONST(float) GAIN_KNEE = 0.0625f;
+CANDELA_CONST(float) GAIN_END = 1023.875f;
+CANDELA_CONST(int) GAIN_SHIFT = 18;
+CANDELA_CONST(uint) GAIN_PIECES = 448u;
 // AgX: Rec.709 to the primaries in which its curve works; row by row. Source: T. Sobotka's AgX.
 #define AGX_INSET                                                                                        \
   0.842479062253094f, 0.0784335999999992f, 0.0792237451477643f, 0.0423282422610123f, 0.878468636469772f, \
       0.0791661274605434f, 0.0423756549057051f, 0.0784336f, 0.879142973793104f
 // What the RRT adds of AP1's R, G and B to the other two components. Source: AMPAS aces-dev 1.x, RRT_SAT_MAT.
 #define RRT_DESATURATION 0.01088918f, 0.02696327f, 0.00214758f
+// Rec.709 to Rec.2020 and to P3-D65, and P3-D65 to Rec.2020; row by row. All have a D65 white. Computed from
+// their chromaticities (SMPTE RP 177).
+#define REC709_TO_REC2020                                                                           \
+  0.627403896f, 0.329283038f, 0.043313066f, 0.069097289f, 0.919540395f, 0.011362316f, 0.016391439f, \
+      0.088013308f, 0.895595253f
+#define REC709_TO_P3_D65 \
+  0.822461969f, 0.177538031f, 0.0f, 0.033194199f, 0.966805801f, 0.0f, 0.017082631f, 0.072397441f, 0.910519929f
+#define P3_D65_TO_REC2020                                                                            \
+  0.753833034f, 0.198597369f, 0.047569597f, 0.045743849f, 0.941777220f, 0.012478931f, -0.001210340f, \
+      0.017601717f, 0.983608623f
 // A component counts as cut if it is below minus this part of the colour's largest component. The rounding of
 // a file's halves is less than that.
 CANDELA_CONST(float) GAMUT_TOLERANCE = 0.00048828125f;  // 2^-11
@@ -201,8 +229,12 @@ struct ResolveConstants {
   uint dither;
   uint level_size;
   uint transfer_terms;  // number of terms of the sRGB transfer's polynomial
-  uint wide;            // some scene components are negative; also counts what the curve cuts
-  uint alpha;           // ALPHA_*; ALPHA_ASSOCIATED if every alpha is 1
+  uint wide;     // some scene components are negative; also counts what the curve cuts. Always for PQ and HLG
+  uint alpha;    // ALPHA_*; ALPHA_ASSOCIATED if every alpha is 1
+  uint display;  // DISPLAY_*; DISPLAY_REC709 unless the transfer is PQ or HLG
+  uint unrounded;  // the scene is not rounded to halves
+  uint limit;      // DISPLAY_*: in whose primaries aces-2 gives light
+  uint gain;       // alpha holds the code of a gain map
 };
 
 struct ResizeConstants {
@@ -212,7 +244,8 @@ struct ResizeConstants {
   uint bloom;
   uint level_size;
   uint wide;
-  uint down;  // along y, from the frame; else along x, from the block that was made so
+  uint unrounded;  // as in ResolveConstants
+  uint down;       // along y, from the frame; else along x, from the block that was made so
 };
 
 #endif
@@ -261,7 +294,8 @@ struct ResolveParams {
   float exposure;     // E * prescale
   float bloom_scale;  // intensity / number of levels
   float scene_scale;  // 1 - intensity; only for BLOOM_CONSERVE
-  float curve_white;  // only for reinhard-extended
+  // reinhard-extended: the luminance that becomes 1. bt2390: the PQ signal of the source's peak.
+  float curve_white;
   uint dither_frame;  // the frame's sequence number, low 32 bits
   uint table_size;    // points a side; only for aces-1 and TABLE
   float table_scale;  // points an octave of the axes, times 2^TABLE_FRACTION_BITS; only for aces-1 and TABLE
@@ -269,6 +303,11 @@ struct ResolveParams {
   uint tiles_lo,
       tiles_hi;  // the first TileRecord counts gamut_cut_components; only if the constant `wide` is set
   float background_r, background_g, background_b;  // scene light; only for ALPHA_OVER
+  // Only for PQ and HLG. The display's peak in units of 10000 nit, the PQ signal of it, and (1 - g) / g for
+  // the gamma g of HLG's OOTF.
+  float display_peak;
+  float peak_signal;
+  float hlg_exponent;
 };
 
 struct ResizeParams {
@@ -314,6 +353,12 @@ struct TileRecord {
   // The bits of the largest exposed light that a component of the frame has below 0, before bloom. Only in
   // the first record, and only after resolve.
   uint negative_light_bits;
+  // Of an image in PQ or HLG, in units of the display's peak: the bits of the largest component of its light,
+  // and sums of the low SHOWN_LOW_BITS and of the remaining bits of what its invocations add of each texel's
+  // largest component times SHOWN_SCALE. Only in the first record, and only after resolve.
+  uint shown_max_bits;
+  uint shown_sum_low;
+  uint shown_sum_high;
   // Not 0 if some alpha on the wire is not 1; left 0 with the constant `alpha`. For halves without the
   // constant `scrub`, -1 counts only as infinite.
   uint alpha_differs;

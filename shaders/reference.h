@@ -92,8 +92,8 @@ struct BloomSpec {
 };
 
 // The primaries in which a curve cuts light at 0, after its first matrix: Rec.709 without a matrix, those of
-// aces-hill and of AXES_ACES, ACES AP1, AgX's inset.
-enum class Gamut { kRec709, kAces, kAp1, kAgx };
+// aces-hill and of AXES_ACES, ACES AP1, AgX's inset, or those of an HDR display.
+enum class Gamut { kRec709, kAces, kAp1, kAgx, kRec2020, kP3D65 };
 
 struct ResolveParams {
   double exposure = 1.0;  // E * prescale
@@ -104,11 +104,18 @@ struct ResolveParams {
   Gamut gamut = Gamut::kAces;  // the curve's; only for cut_components()
   double curve_white = 4.0;    // for reinhard-extended
   uint transfer = shader::TRANSFER_SRGB;
+  // Of TRANSFER_PQ and TRANSFER_HLG, for which exposed and display light are in units of the display's peak.
+  uint display = shader::DISPLAY_REC709;
+  uint limit = shader::DISPLAY_REC709;  // of aces-2
+  double peak_nits = 0.0;
+  double source_peak_nits = 0.0;  // of bt2390
   uint alpha = shader::ALPHA_ASSOCIATED;
   Rgb background{};  // scene light, for ALPHA_OVER
   // Exposed scene light, which may be negative, to display light, not clamped. CURVE_ACES_1 and CURVE_TABLE
-  // need it, because they have no formula.
+  // need it, because they have no formula. Of an HDR display, in its primaries.
   std::function<Rgb(const Rgb&)> look;
+  // If there is one, alpha is this of exposed light: the code, 0 .. 1, of a gain map.
+  std::function<double(const Rgb&)> gain_code;
 };
 
 // Whether ingest() rounds the scene's components within +-65504 to halves, as the pipeline does for metering
@@ -162,6 +169,11 @@ Light light_at(const Scene& scene, const Level& bloom, uint32_t level_count, con
 // The scene of a width x height image of the frame's light, bloom included: resolve it with BLOOM_NONE.
 Scene resize(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
              uint32_t width, uint32_t height);
+
+// The light of row y on an HDR display, in its primaries and units of its peak, 0 .. 1; with straight alpha
+// that of the texels' objects.
+std::vector<Rgb> light_row(const Scene& scene, const Level& bloom, uint32_t level_count,
+                           const ResolveParams& params, uint32_t y);
 
 // How many components of row y the curve cuts because they lie outside its gamut: those that are negative in
 // its primaries by more than GAMUT_TOLERANCE of the colour's largest component. Computed in float32, so that

@@ -15,7 +15,8 @@ layout(constant_id = 2) const bool SCRUB = false;
 layout(constant_id = 3) const uint BLOOM = BLOOM_MIP;
 layout(constant_id = 4) const uint LEVEL_SIZE = 2u;
 layout(constant_id = 5) const bool WIDE = false;
-layout(constant_id = 6) const bool DOWN = true;
+layout(constant_id = 6) const bool UNROUNDED = false;
+layout(constant_id = 7) const bool DOWN = true;
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(set = 0, binding = 2) uniform utextureBuffer weights;
@@ -69,7 +70,9 @@ Group light_group(uint x, uint y) {
   Group g;
   [[unroll]] for (uint i = 0u; i < GROUP_TEXELS; ++i) {
     vec4 texel = wire_texel(wire, i);
-    vec4 scene = WIDE ? ingest_wide(p.frame, texel) : ingest(p.frame, texel);
+    vec4 scene = UNROUNDED ? ingest_unrounded(p.frame, texel)
+                 : WIDE    ? ingest_wide(p.frame, texel)
+                           : ingest(p.frame, texel);
     if (BLOOM == BLOOM_CONSERVE) scene.rgb *= p.scene_scale;
     if (BLOOM != BLOOM_NONE) {
       scene.rgb += p.bloom_scale * ((1.0 - near_weight) * far.c[i] + near_weight * near.c[i]);

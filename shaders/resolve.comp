@@ -1,6 +1,7 @@
 // The image, the last pass of phase B: reads the frame a second time and writes the rendered image.
 //
-// In: the wire's pixels or the resized scene, B_0 (unless BLOOM is BLOOM_NONE), and the table if the curve has one. Out: the image
+// In: the wire's pixels or the resized scene, B_0 (unless BLOOM is BLOOM_NONE), the table if the curve has one, and
+// the pieces of the gain map if there is one. Out: the image
 // in the format OUTPUT.
 // Method: docs/pipeline.md sections 4 and 5: scene plus bloom, times E and prescale, tone curve, transfer,
 // dither, quantisation. Only a frame with negative components (WIDE) has something that the curve can cut; it
@@ -28,9 +29,15 @@ layout(constant_id = 10) const bool WIDE = false;  // some scene components are 
 // The unquantised image is made beside another one, which counts.
 const bool COUNT = WIDE && OUTPUT != OUTPUT_FLOAT;
 layout(constant_id = 11) const uint ALPHA = ALPHA_ASSOCIATED;  // if every alpha is 1, always this one
+layout(constant_id = 12) const uint DISPLAY = DISPLAY_REC709;
+layout(constant_id = 13) const bool UNROUNDED = false;
+layout(constant_id = 14) const uint LIMIT = DISPLAY_REC709;
+layout(constant_id = 15) const bool GAIN = false;  // alpha holds the code of a gain map
+const bool MEASURE = OUTPUT != OUTPUT_FLOAT && DISPLAY != DISPLAY_REC709;  // PQ and HLG
 
 layout(set = 0, binding = 1) uniform utextureBuffer bloom;
 layout(set = 0, binding = 2) uniform utextureBuffer table_points;
+layout(set = 0, binding = 3) uniform utextureBuffer gain_points;
 layout(push_constant) uniform Push { ResolveParams p; };
 #include "glsl/input.glsl"
 #include "glsl/bloom_row.glsl"
@@ -40,12 +47,15 @@ layout(push_constant) uniform Push { ResolveParams p; };
 #include "glsl/aces2.glsl"
 #include "glsl/curves.glsl"
 #include "glsl/straight.glsl"
+#include "glsl/gain.glsl"
 #include "glsl/dither.glsl"
 
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Tiles { TileRecord v; };
 
 uint gamut_cut_components;  // of this invocation's texels
 uint negative_light_bits;   // the same
+uint shown_max_bits;        // the same, and the next one
+uint shown_sum;
 
 // Counts the components of curve_light() v that are cut. `counted` is 0 for a texel outside the frame. A table with
 // the axes AP1 knows nothing of what is outside of AP1, so its error there is not that of a rounding.
@@ -69,13 +79,26 @@ void note_negative(vec3 scene, uint counted) {
   negative_light_bits = max(negative_light_bits, bits & (0u - counted));
 }
 
-// The display value of exposed light.
-vec3 shown(vec3 exposed) {
+// The display light of exposed light.
+vec3 display_light(vec3 exposed) {
   vec3 v = curve_light(exposed);
   if (WIDE) v = at_least(v, 0.0);
-  if (CURVE == CURVE_ACES_2) return encode(at_most(at_least(aces2(v), 0.0), 1.0));
-  return encode(curve(v, p.curve_white));
+  if (CURVE == CURVE_ACES_2) {
+    vec3 light = at_most(at_least(aces2(v), 0.0), 1.0);
+    return LIMIT == DISPLAY ? light : p3_in_rec2020(light);
+  }
+  return curve(v, p.curve_white);
 }
+
+// Notes how bright the image is.
+void note_shown(vec3 light, uint counted) {
+  float largest = max(max(light.r, light.g), light.b);
+  shown_max_bits = max(shown_max_bits, floatBitsToUint(largest) & (0u - counted));
+  shown_sum += uint(largest * SHOWN_SCALE + 0.5) * counted;
+}
+
+// The display value of exposed light.
+vec3 shown(vec3 exposed) { return encode(display_light(exposed)); }
 
 // The display value of no light; only for ALPHA_STRAIGHT.
 vec3 black;
@@ -83,28 +106,34 @@ vec3 black;
 vec4 straight(vec3 exposed, float a, uint counted) {
   if (COUNT) count_cut(exposed, curve_light(exposed), counted);  // the object has the same components
   StraightLight light = straight_light(exposed, a);
-  StraightPixel pixel = straight_pixel(light, shown(light.object), shown(light.own), black, a);
+  vec3 object = display_light(light.object);
+  if (MEASURE) note_shown(object, counted);
+  StraightPixel pixel = straight_pixel(light, encode(object), shown(light.own), black, a);
   return vec4(pixel.colour, pixel.alpha);
 }
 
 // The resized scene is read as it is.
 vec4 scene_texel(vec4 wire) {
   if (PIXELS == PIXELS_SCENE) return wire;
+  if (UNROUNDED) return ingest_unrounded(p.frame, wire);
   return WIDE ? ingest_wide(p.frame, wire) : ingest(p.frame, wire);
 }
 
-vec4 image_texel(vec4 wire, vec3 light, uint counted) {
+vec4 image_texel(vec4 wire, vec3 glow, uint counted) {
   vec4 scene = scene_texel(wire);
   if (COUNT) note_negative(scene.rgb, counted);
   vec3 x = BLOOM == BLOOM_CONSERVE ? scene.rgb * p.scene_scale : scene.rgb;
-  if (BLOOM != BLOOM_NONE) x += p.bloom_scale * light;
+  if (BLOOM != BLOOM_NONE) x += p.bloom_scale * glow;
   float a = at_most(at_least(scene.a, 0.0), 1.0);
   if (ALPHA == ALPHA_OVER) x += (1.0 - a) * vec3(p.background_r, p.background_g, p.background_b);
   vec3 exposed = WIDE ? clamp(x * p.exposure, -MAX_EXPOSED_VALUE, MAX_EXPOSED_VALUE)
                       : at_most(at_least(x, 0.0) * p.exposure, MAX_EXPOSED_VALUE);
   if (ALPHA == ALPHA_STRAIGHT) return straight(exposed, a, counted);
   if (COUNT) count_cut(exposed, curve_light(exposed), counted);
-  return vec4(shown(exposed), ALPHA == ALPHA_ASSOCIATED ? scene.a : 1.0);
+  vec3 light = display_light(exposed);
+  if (MEASURE) note_shown(light, counted);
+  if (GAIN) return vec4(encode(light), gain_code(exposed));
+  return vec4(encode(light), ALPHA == ALPHA_ASSOCIATED ? scene.a : 1.0);
 }
 
 // Rounds texel (x, y) to codes. RGB must be in [0, 1]; alpha is clamped here.
@@ -182,14 +211,23 @@ void main() {
   // A loop rather than an if(), because the software device executes the body that an if() skips.
   gamut_cut_components = 0u;
   negative_light_bits = 0u;
+  shown_max_bits = 0u;
+  shown_sum = 0u;
   for (; x < x_end; x += block) resolve_block(x, first_row, rows_end);
   if (COUNT) {
     uint cut = subgroupAdd(gamut_cut_components);
     uint negative = subgroupMax(negative_light_bits);
+    uint largest = subgroupMax(shown_max_bits);
+    uint sum = subgroupAdd(shown_sum);
     Tiles tiles = Tiles(uvec2(p.tiles_lo, p.tiles_hi));
     if (subgroupElect()) {
       atomicAdd(tiles.v.gamut_cut_components, cut);
       atomicMax(tiles.v.negative_light_bits, negative);
+      if (MEASURE) {
+        atomicMax(tiles.v.shown_max_bits, largest);
+        atomicAdd(tiles.v.shown_sum_low, sum & ((1u << SHOWN_LOW_BITS) - 1u));
+        atomicAdd(tiles.v.shown_sum_high, sum >> SHOWN_LOW_BITS);
+      }
     }
   }
 }

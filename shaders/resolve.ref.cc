@@ -28,6 +28,16 @@ Rgb composite(const Scene& scene, const Level& bloom, uint32_t level_count, cons
   return c;
 }
 
+Rgb exposed_at(const Scene& scene, const Level& bloom, uint32_t level_count, const ResolveParams& params,
+               uint32_t x, uint32_t y) {
+  Rgb c = composite(scene, bloom, level_count, params, x, y);
+  for (double& v : c) {
+    v = std::clamp(v * params.exposure, -double{shader::MAX_EXPOSED_VALUE},
+                   double{shader::MAX_EXPOSED_VALUE});
+  }
+  return c;
+}
+
 Rgb aces_hill(const Rgb& x) {
   static constexpr double kInput[3][3] = {
       {0.59719, 0.35458, 0.04823}, {0.07600, 0.90834, 0.01566}, {0.02840, 0.13383, 0.83777}};
@@ -97,23 +107,117 @@ Rgb pbr_neutral(Rgb c) {
   return c;
 }
 
-Rgb shown(const ResolveParams& params, const Rgb& exposed) {
-  Rgb y = params.look ? params.look(exposed) : tone_curve(params.curve, exposed, params.curve_white);
-  for (double& v : y) v = transfer(params.transfer, std::clamp(v, 0.0, 1.0));
+// ST 2084's constants.
+constexpr double kM1 = 2610.0 / 16384;
+constexpr double kM2 = 2523.0 / 32;
+constexpr double kC1 = 3424.0 / 4096;
+constexpr double kC2 = 2413.0 / 128;
+constexpr double kC3 = 2392.0 / 128;
+
+double pq(double nits) {
+  const double y = std::pow(nits / 10000.0, kM1);
+  return std::pow((kC1 + kC2 * y) / (1.0 + kC3 * y), kM2);
+}
+
+double pq_nits(double signal) {
+  const double p = std::pow(signal, 1.0 / kM2);
+  return 10000.0 * std::pow(std::max(p - kC1, 0.0) / (kC2 - kC3 * p), 1.0 / kM1);
+}
+
+// BT.2390-10 section 5.4.1, with black levels of 0: one factor by the largest component.
+Rgb bt2390(const ResolveParams& params, const Rgb& light) {
+  const double largest = std::max({light[0], light[1], light[2]});
+  if (largest <= 0.0) return {};
+  const double source = pq(params.source_peak_nits);
+  const double most = pq(params.peak_nits) / source;
+  const double start = 1.5 * most - 0.5;
+  const double e1 = std::min(pq(std::min(largest * params.peak_nits, 10000.0)) / source, 1.0);
+  if (e1 < start) return light;
+  const double t = start < 1.0 ? (e1 - start) / (1.0 - start) : 0.0;
+  const double e2 = (2 * t * t * t - 3 * t * t + 1) * start + (t * t * t - 2 * t * t + t) * (1.0 - start) +
+                    (-2 * t * t * t + 3 * t * t) * most;
+  const double factor = pq_nits(e2 * source) / params.peak_nits / largest;
+  return {light[0] * factor, light[1] * factor, light[2] * factor};
+}
+
+// Scene light in the primaries of an HDR display.
+Rgb in_display(const ResolveParams& params, const Rgb& c) {
+  static constexpr double kRec2020[3][3] = {{0.627403895934699, 0.329283038377884, 0.043313065687417},
+                                            {0.069097289358232, 0.919540395075459, 0.011362315566309},
+                                            {0.016391438875150, 0.088013307877226, 0.895595253247624}};
+  static constexpr double kP3[3][3] = {{0.822461968714212, 0.177538031285788, 0.0},
+                                       {0.033194198850962, 0.966805801149038, 0.0},
+                                       {0.017082630721370, 0.072397441007155, 0.910519928271475}};
+  if (params.display == shader::DISPLAY_REC709) return c;
+  return multiply(params.display == shader::DISPLAY_P3_D65 ? kP3 : kRec2020, c);
+}
+
+// Display light in [0, 1].
+Rgb display_light(const ResolveParams& params, const Rgb& exposed) {
+  if (params.look) {
+    Rgb y = params.look(exposed);
+    for (double& v : y) v = std::clamp(v, 0.0, 1.0);
+    return y;
+  }
+  if (params.display == shader::DISPLAY_REC709) return tone_curve(params.curve, exposed, params.curve_white);
+  Rgb y = in_display(params, exposed);
+  for (double& v : y) v = std::max(v, 0.0);
+  if (params.curve == shader::CURVE_BT2390) y = bt2390(params, y);
+  for (double& v : y) v = std::min(v, 1.0);
   return y;
 }
 
-// Colour and alpha of a pixel with exposed light `c` and alpha a, 0 .. 1, neither associated.
-std::array<double, 4> straight(const ResolveParams& params, const Rgb& c, double a) {
-  Rgb object{};  // divided by a
+// BT.2100's OETF of the light before the OOTF, which gives E on the display as Y^(g - 1) E.
+Rgb hlg(const ResolveParams& params, const Rgb& light) {
+  static constexpr double kRec2020[] = {0.262700212011267, 0.677998071518871, 0.059301716469862};
+  static constexpr double kP3[] = {0.228974564069749, 0.691738521836506, 0.079286914093745};
+  const double* const weights = params.display == shader::DISPLAY_P3_D65 ? kP3 : kRec2020;
+  const double luminance = weights[0] * light[0] + weights[1] * light[1] + weights[2] * light[2];
+  if (luminance <= 0.0) return {};
+  const double gamma = 1.2 + 0.42 * std::log10(params.peak_nits / 1000.0);
+  Rgb signal;
+  for (int n = 0; n < 3; ++n) {
+    const double e = light[n] * std::pow(luminance, (1.0 - gamma) / gamma);
+    signal[n] =
+        e <= 1.0 / 12 ? std::sqrt(3.0 * e) : 0.17883277 * std::log(12.0 * e - 0.28466892) + 0.55991073;
+    signal[n] = std::min(signal[n], 1.0);
+  }
+  return signal;
+}
+
+Rgb encoded(const ResolveParams& params, Rgb y) {
+  if (params.transfer == shader::TRANSFER_HLG) return hlg(params, y);
+  for (double& v : y) {
+    v = params.transfer == shader::TRANSFER_PQ ? pq(v * params.peak_nits) : transfer(params.transfer, v);
+  }
+  return y;
+}
+
+Rgb shown(const ResolveParams& params, const Rgb& exposed) {
+  return encoded(params, display_light(params, exposed));
+}
+
+// The light of a pixel of which an object covers a part: both are not multiplied by alpha.
+struct Parts {
+  Rgb object{};  // divided by alpha
   Rgb own{};
+};
+
+Parts parts_of(const Rgb& c, double a) {
+  Parts parts;
   const double size = std::max({std::abs(c[0]), std::abs(c[1]), std::abs(c[2])});
   const bool part_of_it = (1.0 - a) * size > shader::MAX_OBJECT_LIGHT * a;
   for (int n = 0; n < 3; ++n) {
     const double part = part_of_it ? c[n] * shader::MAX_OBJECT_LIGHT * a / ((1.0 - a) * size) : c[n];
-    own[n] = c[n] - part;
-    object[n] = a > 0.0 ? part / a : 0.0;
+    parts.own[n] = c[n] - part;
+    parts.object[n] = a > 0.0 ? part / a : 0.0;
   }
+  return parts;
+}
+
+// Colour and alpha of a pixel with exposed light `c` and alpha a, 0 .. 1, neither associated.
+std::array<double, 4> straight(const ResolveParams& params, const Rgb& c, double a) {
+  const auto [object, own] = parts_of(c, a);
   Rgb glow{};
   if (own != Rgb{}) {
     const Rgb black = shown(params, {});
@@ -205,18 +309,29 @@ std::vector<std::array<double, 4>> resolve_row(const Scene& scene, const Level& 
   std::vector<std::array<double, 4>> row;
   row.reserve(last - first);
   for (uint32_t x = first; x < last; ++x) {
-    Rgb c = composite(scene, bloom, level_count, params, x, y);
-    for (double& v : c) {
-      v = std::clamp(v * params.exposure, -double{shader::MAX_EXPOSED_VALUE},
-                     double{shader::MAX_EXPOSED_VALUE});
-    }
+    Rgb c = exposed_at(scene, bloom, level_count, params, x, y);
     const double alpha = scene.at(x, y)[3];
     if (params.alpha == shader::ALPHA_STRAIGHT) {
       row.push_back(straight(params, c, std::clamp(alpha, 0.0, 1.0)));
       continue;
     }
-    c = shown(params, c);
-    row.push_back({c[0], c[1], c[2], params.alpha == shader::ALPHA_ASSOCIATED ? alpha : 1.0});
+    const Rgb values = shown(params, c);
+    const double kept = params.alpha == shader::ALPHA_ASSOCIATED ? alpha : 1.0;
+    row.push_back({values[0], values[1], values[2], params.gain_code ? params.gain_code(c) : kept});
+  }
+  return row;
+}
+
+std::vector<Rgb> light_row(const Scene& scene, const Level& bloom, uint32_t level_count,
+                           const ResolveParams& params, uint32_t y) {
+  std::vector<Rgb> row;
+  row.reserve(scene.width);
+  for (uint32_t x = 0; x < scene.width; ++x) {
+    Rgb c = exposed_at(scene, bloom, level_count, params, x, y);
+    if (params.alpha == shader::ALPHA_STRAIGHT) {
+      c = parts_of(c, std::clamp<double>(scene.at(x, y)[3], 0.0, 1.0)).object;
+    }
+    row.push_back(display_light(params, c));
   }
   return row;
 }
@@ -229,7 +344,9 @@ uint64_t cut_components(const Scene& scene, const Level& bloom, uint32_t level_c
   static constexpr float kAgx[] = {0.842479062253094f,  0.0784335999999992f, 0.0792237451477643f,
                                    0.0423282422610123f, 0.878468636469772f,  0.0791661274605434f,
                                    0.0423756549057051f, 0.0784336f,          0.879142973793104f};
-  static constexpr const float* kMatrices[] = {kLinear, kAces, kAp1, kAgx};
+  static constexpr float kRec2020[] = {REC709_TO_REC2020};
+  static constexpr float kP3[] = {REC709_TO_P3_D65};
+  static constexpr const float* kMatrices[] = {kLinear, kAces, kAp1, kAgx, kRec2020, kP3};
   const float* const m = kMatrices[static_cast<size_t>(params.gamut)];
   uint64_t cut = 0;
   for (uint32_t x = 0; x < scene.width; ++x) {

@@ -5,6 +5,7 @@
 
 #include "client/image/encodings.h"
 #include "client/run/picture/error_map.h"
+#include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
 #include "client/run/picture/picture_size.h"
 #include "proto/candela/v1/settings.h"
@@ -60,10 +61,11 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::Im
 absl::Status PictureRun::write(const Image& picture) {
   events_.begins("writing " + report_.output);
   const absl::Time begin = absl::Now();
+  const WriteOptions options = write_options_for(options_.write, report_.header);
   ASSIGN_OR_RETURN(std::vector<std::string> notes,
                    report_.output == "-"
-                       ? write_image_to_stdout(report_.output + options_.stdout_kind, picture, options_.write)
-                       : write_image(report_.output, picture, options_.write));
+                       ? write_image_to_stdout(report_.output + options_.stdout_kind, picture, options)
+                       : write_image(report_.output, picture, options));
   add_stage("write", ms_since(begin));
   add_notes(std::move(notes));
   return absl::OkStatus();

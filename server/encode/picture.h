@@ -61,6 +61,9 @@ struct JpegOptions {
   int quality = 92;  // 1 .. 100
   // The file carries an ICC profile of it, or none if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
+  // Above 0: the picture's fourth component is the code of a gain map, one channel, in which 255 stands for this
+  // log2. The file is then a gain-map JPEG, whose base is the file without one.
+  double gain_map_max_log2 = 0;
 };
 
 // Keeps colour at full resolution (4:4:4), because lamps on a dark background smear otherwise. `picture` must

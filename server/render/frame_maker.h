@@ -28,6 +28,7 @@ struct FrameReport {
   double target = 0.0;    // the factor that metering chose
   double target_before_limits = 0.0;
   uint64_t gamut_cut_components = 0;  // of R, G and B: negative in the curve's own primaries, and cut
+  std::optional<ShownLight> shown;    // of an image in PQ or HLG
   Plan plan;
   std::string tier;                   // that the frame was drawn with
   std::string tier_reason;            // if max_error_codes chose it, a line for people

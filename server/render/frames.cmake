@@ -3,7 +3,8 @@ set(candela_host_kernels
     host/bloom/bloom_levels.cc host/bloom/bright_pass.cc host/ingest/ingest_tiles.cc host/resolve/resolve.cc host/view/view.cc
     host/resize/resize.cc)
 set(candela_frames_sources
-    color/aces2_table.cc settings/error_bound.cc settings/frame.cc settings/settings.cc settings/tiers.cc
+    color/aces2_table.cc color/gain_curve.cc color/hdr_signal.cc
+    settings/error_bound.cc settings/frame.cc settings/gain_curve_of.cc settings/hdr_display.cc settings/settings.cc settings/tiers.cc
     plan/bloom_plan.cc plan/exposure.cc plan/texture_layout.cc plan/lit_area.cc plan/metering.cc plan/plan.cc
     plan/stage_time.cc
     frame/executor.cc frame/frame_memory.cc frame/table_points.cc frame/texture_pool.cc frame/tile_sums.cc

@@ -104,6 +104,7 @@ absl::StatusOr<Drawn> Renderer::draw_image(FrameMemory& memory, const Settings& 
   report.tier = settings.tier().name;
   const absl::StatusOr<Drawn> drawn = executor_of(memory).draw(memory, report.plan, &report.stages);
   if (drawn.ok()) report.gamut_cut_components = drawn->gamut_cut_components;
+  if (drawn.ok() && is_hdr(*settings)) report.shown = drawn->shown;
   return drawn;
 }
 

@@ -92,13 +92,20 @@ void StreamCall::on_rendered(const EntryPtr& entry, RenderedFrame rendered) {
   SessionFrames::rendered(*entry, std::move(rendered), encode);
   if (!encode) return state_.metrics.frame_ended(absl::StatusCode::kOk);
   state_.rendering.encoders.run([self = self(), entry, image = entry->frame,
-                                 opaque = entry->report->plan.resolve.opaque, encoding = start.encoding,
+                                 opaque = entry->report->plan.resolve.opaque, shown = entry->report->shown,
+                                 gain = entry->report->plan.gain, encoding = start.encoding,
                                  quality = start.jpeg_quality] {
     const absl::Time begin = self->clock_.now();
     const v1::Settings& settings = *image->settings;
     const bool wide = settings.output_format() == v1::OUTPUT_FORMAT_RGBA16;
+    ImageFacts facts;
+    if (shown) {
+      const double peak = settings.peak_nits();
+      facts.hdr = hdr_display(settings, shown->largest * peak, shown->mean * peak);
+    }
+    if (gain) facts.gain_map_max_log2 = gain->max_log2();
     absl::StatusOr<std::string> file =
-        encode_image(picture_of(image->memory, wide), settings, opaque, encoding, quality);
+        encode_image(picture_of(image->memory, wide), settings, facts, opaque, encoding, quality);
     if (file.ok()) image->memory.replace_output(file->size());
     self->on_encoded(entry, std::move(file), self->clock_.now() - begin);
   });

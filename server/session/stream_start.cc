@@ -33,6 +33,10 @@ absl::Status check_encoding(v1::Encoding encoding, const v1::Settings& settings)
         "output_format is RGBA16F and encoding is PNG; a PNG holds RGBA8 or RGBA16, so use one of them or "
         "the encoding RAW");
   }
+  if (encoding == v1::ENCODING_PNG && settings.has_gain_map_peak_nits()) {
+    return absl::InvalidArgumentError(
+        "there is gain_map_peak_nits and encoding is PNG, which has no gain map; use JPEG or RAW");
+  }
   if (encoding == v1::ENCODING_JPEG && format != v1::OUTPUT_FORMAT_RGBA8) {
     return absl::InvalidArgumentError(
         absl::StrFormat("output_format is %s and encoding is JPEG; a JPEG holds RGBA8, so use that format or "

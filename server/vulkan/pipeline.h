@@ -23,7 +23,7 @@ using Constants = std::vector<uint32_t>;
 class PipelineCache {
  public:
   static constexpr uint32_t kPushBytes = 128;
-  static constexpr uint32_t kReads = 3;
+  static constexpr uint32_t kReads = 4;
   // The largest range that every device can bind for writing at once, and the alignment of its beginning.
   static constexpr uint64_t kMaxWriteBytes = uint64_t{1} << 27;
   static constexpr uint64_t kWriteAlignment = 256;

@@ -14,7 +14,7 @@
 
 // The output of a pass, or as many of its rows as a storage buffer can hold on every device. The parameters
 // give the first of these rows.
-layout(set = 0, binding = 3, std430) writeonly buffer Written { u64vec2 written[]; };
+layout(set = 0, binding = 4, std430) writeonly buffer Written { u64vec2 written[]; };
 
 u64vec2 pack64(uvec4 words) { return u64vec2(pack64(words.xy), pack64(words.zw)); }
 

@@ -9,28 +9,22 @@
 // Images",
 // 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the
 // ACES RRT and ODT, published in M. Pettineo's BakingLab. hable: J. Hable, "Filmic Tonemapping Operators",
-// 2010. aces-2: aces2.glsl. agx: T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
+// 2010. aces-2: aces2.glsl. bt2390: hdr.glsl. agx: T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
 
 // S. Hill's published fit of the ACES RRT and ODT, in the fit's own primaries.
 vec3 rrt_and_odt(vec3 v) {
   return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
 }
 
-// A matrix, row by row, times x.
-vec3 rows(float m00, float m01, float m02, float m10, float m11, float m12, float m20, float m21, float m22,
-          vec3 x) {
-  return vec3(m00 * x.r + m01 * x.g + m02 * x.b, m10 * x.r + m11 * x.g + m12 * x.b,
-              m20 * x.r + m21 * x.g + m22 * x.b);
-}
-
 // Exposed light in the primaries in which the curve works, component by component. No matrix has a negative
-// number, so light that is not negative stays so.
+// number, so light that is not negative stays so. For PQ and HLG they are the display's.
 vec3 curve_light(vec3 x) {
   if (CURVE == CURVE_ACES_HILL || CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) {
     return rows(TABLE_FROM_SCENE, x);
   }
   if (CURVE == CURVE_TABLE_AP1 || CURVE == CURVE_ACES_2) return rows(TABLE_FROM_SCENE_AP1, x);
   if (CURVE == CURVE_AGX) return rows(AGX_INSET, x);
+  if (CURVE == CURVE_LINEAR || CURVE == CURVE_BT2390) return to_display(x);
   return x;
 }
 
@@ -88,8 +82,7 @@ vec3 pbr_neutral(vec3 x) {
   return mix(mix(x * (new_peak / peak), vec3(new_peak), desaturated), x, bvec3(peak < start));
 }
 
-// The tone curve of curve_light() x >= 0, clamped to [0, 1]. `white` is the luminance that reinhard-extended
-// maps to 1.
+// The tone curve of curve_light() x >= 0, clamped to [0, 1]. `white` is curve_white of the parameters.
 vec3 curve(vec3 x, float white) {
   vec3 y = x;
   if (CURVE == CURVE_REINHARD) y = x / (1.0 + x);
@@ -102,6 +95,7 @@ vec3 curve(vec3 x, float white) {
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);
+  if (CURVE == CURVE_BT2390) y = bt2390(x, white, p.peak_signal, p.display_peak);
   if (CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) y = from_table(look_up(x));
   if (CURVE == CURVE_TABLE_AP1) y = from_table(look_up(within_axes(x)));
   if (CURVE == CURVE_TABLE_REC709) y = look_up(x);

@@ -1,9 +1,10 @@
 // Transfer functions: display-linear light to display values (docs/pipeline.md section 5). Source of sRGB: IEC 61966-2-1.
 //
-// The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial. This
-// file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for. log2.glsl says how a polynomial states
+// The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial, DISPLAY,
+// and the parameters p. This file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for. log2.glsl says how a polynomial states
 // its fit.
 #include "log2.glsl"
+#include "hdr.glsl"
 
 // The short form, with 6 terms: 1.055 x^(1/2.4) - 0.055 in s = x^(1/2). Errors are in 8-bit codes.
 // fit: s in [0.0559536, 1], degree 5, error 8.3e-02, best 8.3e-02
@@ -35,5 +36,10 @@ vec3 srgb(vec3 x) {
 vec3 encode(vec3 y) {
   if (TRANSFER == TRANSFER_SRGB) return srgb(y);
   if (TRANSFER == TRANSFER_GAMMA22) return vec3(power(y.r, 1.0 / 2.2), power(y.g, 1.0 / 2.2), power(y.b, 1.0 / 2.2));
+  if (TRANSFER == TRANSFER_PQ) {
+    vec3 light = y * p.display_peak;
+    return vec3(pq(light.r), pq(light.g), pq(light.b));
+  }
+  if (TRANSFER == TRANSFER_HLG) return hlg(y, p.hlg_exponent);
   return y;
 }

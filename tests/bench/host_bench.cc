@@ -74,7 +74,8 @@ absl::Status render(Maker& maker, FrameMemory& memory, const Source& source, con
   const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings, *metered);
   if (!colors.ok()) return colors.status();
   stages.insert(stages.end(), metered->stages.begin(), metered->stages.end());
-  const Plan plan = plan_frame(layout, *metered, settings, {.table = *colors});
+  const Plan plan =
+      plan_frame(layout, *metered, settings, {.table = *colors});
   if (const auto drawn = maker.executor->draw(memory, plan, &stages); !drawn.ok()) return drawn.status();
   const double cpu = cpu_ms() - cpu_before;
   if (!counts) return absl::OkStatus();

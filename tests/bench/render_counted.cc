@@ -37,7 +37,7 @@ constexpr uint32_t kHeight = 360;
 class Runner {
  public:
   virtual ~Runner() = default;
-  virtual absl::Status use_table(const std::shared_ptr<const ColorTable>& table) = 0;
+  virtual absl::Status use_tables(const Plan& plan) = 0;
   virtual absl::Status bloom(const BloomStep& step, const FrameTextures& textures) = 0;
   virtual absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) = 0;
 };
@@ -48,12 +48,17 @@ class DeviceRunner final : public Runner {
   DeviceRunner(Device& device, PipelineCache pipelines, Recorder recorder)
       : pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), tables_(device) {}
 
-  absl::Status use_table(const std::shared_ptr<const ColorTable>& table) override {
-    table_ = nullptr;
-    if (!table) return absl::OkStatus();
-    const absl::StatusOr<std::shared_ptr<const Buffer>> points = tables_.get(table, recorder_);
-    if (points.ok()) table_ = *points;
-    return points.status();
+  absl::Status use_tables(const Plan& plan) override {
+    colors_ = gain_ = nullptr;
+    absl::Status status;
+    const auto use = [&](const std::shared_ptr<const ColorTable>& table, std::shared_ptr<const Buffer>& to) {
+      absl::StatusOr<std::shared_ptr<const Buffer>> points = tables_.get(table, recorder_);
+      if (points.ok()) to = *std::move(points);
+      status.Update(points.status());
+    };
+    if (plan.table) use(plan.table, colors_);
+    if (plan.gain) use(plan.gain->pieces(), gain_);
+    return status;
   }
   absl::Status bloom(const BloomStep& step, const FrameTextures& textures) override {
     return submit([&] {
@@ -65,7 +70,9 @@ class DeviceRunner final : public Runner {
     });
   }
   absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) override {
-    return submit([&] { return record_resolve(step, table_.get(), textures, pipelines_, recorder_); });
+    return submit([&] {
+      return record_resolve(step, {colors_.get(), gain_.get()}, textures, pipelines_, recorder_);
+    });
   }
 
  private:
@@ -79,14 +86,18 @@ class DeviceRunner final : public Runner {
   PipelineCache pipelines_;
   Recorder recorder_;
   TableCache tables_;
-  std::shared_ptr<const Buffer> table_;
+  std::shared_ptr<const Buffer> colors_, gain_;
 };
 
 class HostRunner final : public Runner {
  public:
-  absl::Status use_table(const std::shared_ptr<const ColorTable>& table) override {
-    points_.resize(table ? point_count(*table) : 0);
-    if (table) write_points(*table, reinterpret_cast<std::byte*>(points_.data()));
+  absl::Status use_tables(const Plan& plan) override {
+    const auto use = [](const ColorTable* table, host::TablePoints& points) {
+      points.resize(table != nullptr ? point_count(*table) : 0);
+      if (table != nullptr) write_points(*table, reinterpret_cast<std::byte*>(points.data()));
+    };
+    use(plan.table.get(), colors_);
+    use(plan.gain ? plan.gain->pieces().get() : nullptr, gain_);
     return absl::OkStatus();
   }
   absl::Status bloom(const BloomStep& step, const FrameTextures& textures) override {
@@ -94,13 +105,14 @@ class HostRunner final : public Runner {
     return absl::OkStatus();
   }
   absl::Status resolve(const ResolveStep& step, const FrameTextures& textures) override {
-    host::run_resolve(step, points_.empty() ? nullptr : &points_, textures, nullptr, crew_);
+    const host::Tables tables = {colors_.empty() ? nullptr : &colors_, gain_.empty() ? nullptr : &gain_};
+    host::run_resolve(step, tables, textures, nullptr, crew_);
     return absl::OkStatus();
   }
 
  private:
   Crew crew_{1};
-  host::TablePoints points_;
+  host::TablePoints colors_, gain_;
 };
 
 absl::StatusOr<std::unique_ptr<Runner>> runner_of(const Workbench& bench) {
@@ -141,8 +153,9 @@ absl::Status render(const Workbench& bench, Runner& runner, const testing::WireF
   const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings, *metered);
   if (!colors.ok()) return colors.status();
   const FrameTextures& textures = memory->textures();
-  const Plan plan = plan_frame(textures.layout, *metered, settings, {.table = *colors});
-  if (absl::Status status = runner.use_table(plan.table); !status.ok()) return status;
+  const Plan plan =
+      plan_frame(textures.layout, *metered, settings, {.table = *colors});
+  if (absl::Status status = runner.use_tables(plan); !status.ok()) return status;
   for (const BloomStep& step : plan.bloom_steps) {
     absl::Status status = counted(kind + "/" + name(step.pass), [&] { return runner.bloom(step, textures); });
     if (!status.ok()) return status;

@@ -35,6 +35,8 @@ constexpr Variant kVariants[] = {
     {"agx", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_AGX); }},
     {"aces-1", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_1); }},
     {"aces-2", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_ACES_2); }},
+    {"pq", [](v1::Settings& s) { s.set_transfer(v1::TRANSFER_PQ); }},
+    {"gain-map", [](v1::Settings& s) { s.set_gain_map_peak_nits(1000); }},
     {"pbr-neutral", [](v1::Settings& s) { s.set_curve(v1::TONE_CURVE_PBR_NEUTRAL); }},
     // Frames without curve and transfer, with bloom and without: they show how much the look costs.
     {"linear", linear},

@@ -66,6 +66,32 @@ std::vector<std::pair<std::string, v1::Settings>> curves() {
   return all;
 }
 
+void add_displays(Cases& cases) {
+  for (const v1::ToneCurve curve : {v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_ACES_2}) {
+    for (const v1::Transfer transfer : {v1::TRANSFER_PQ, v1::TRANSFER_HLG}) {
+      for (const v1::Primaries display : {v1::PRIMARIES_REC2020, v1::PRIMARIES_P3_D65}) {
+        v1::Settings settings;
+        settings.set_curve(curve);
+        settings.set_transfer(transfer);
+        settings.set_display_primaries(display);
+        settings.set_alpha(display == v1::PRIMARIES_P3_D65 ? v1::ALPHA_STRAIGHT : v1::ALPHA_ASSOCIATED);
+        settings.set_input_primaries(v1::PRIMARIES_ACES_AP1);
+        cases.add(absl::StrCat(v1::word_of(curve), ", ", v1::word_of(transfer), ", ", v1::word_of(display)),
+                  mixed(), settings);
+      }
+    }
+  }
+}
+
+void add_gain_maps(Cases& cases) {
+  v1::Settings settings;
+  settings.set_gain_map_peak_nits(1000);
+  cases.add("gain map", mixed(), settings);
+  settings.set_alpha(v1::ALPHA_OVER);
+  settings.mutable_output_size()->set_width(40);
+  cases.add("gain map, over, 40 wide", mixed(), settings);
+}
+
 void add_curves(Cases& cases) {
   for (const auto& [name, curve] : curves()) {
     for (const v1::Transfer transfer : {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR}) {
@@ -274,6 +300,8 @@ void add_resized(Cases& cases) {
 std::vector<Case> frame_cases() {
   Cases cases;
   add_curves(cases);
+  add_displays(cases);
+  add_gain_maps(cases);
   add_input(cases);
   add_bloom(cases);
   add_metering(cases);

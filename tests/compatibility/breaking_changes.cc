@@ -135,6 +135,7 @@ class Comparison {
       if (exception.choice() != choice || exception.word() != word) continue;
       if (exception.has_max()) result.set_max(exception.max());
       if (exception.has_default_()) result.set_default_(exception.default_());
+      if (!exception.default_word().empty()) result.set_default_word(exception.default_word());
     }
     return result;
   }

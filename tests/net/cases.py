@@ -25,6 +25,8 @@ TONE = [*(f"--curve {curve}" for curve in CURVES), "--curve reinhard-extended --
 ALPHA = ["--alpha associated", "--alpha straight", "--alpha over", "--alpha ignore", "--background 0.2,1,3"]
 WITH_ALPHA = ("exr/CandleGlass.exr", "display_window/t15.exr")
 TIERS = ["--tier draft", "--tier standard", "--tier reference"]
+HDR = ["--transfer pq", "--transfer pq --curve linear --display-primaries p3-d65", "--transfer hlg --curve aces-2",
+       "--transfer pq --peak 600 --source-peak 4000", "out.jpg --gain-map 1000", "out.avif --transfer hlg"]
 OUTPUTS = ["out.png", "out.png --bits 16", "out.png --bits 16 --dither", "out.jpg", "out.jpg --quality 40", "out.exr",
            "out.pfm"]
 PAIRED = ["--curve agx", "--curve aces-1", "--metering percentile", "--weights center", "--spot 3,2,40,30",
@@ -53,7 +55,8 @@ MORE_SESSIONS = ["out.exr", "out.jpg", "out.pfm", "out.png --bits 16", "out.png 
                  "out.png --bloom gaussian --detect-cuts", "out.png --bloom conserve --curve agx",
                  "out.png --curve aces-1", "out.png --first 7", "out.png --max-exposure 2 --min-exposure 0.5"]
 
-WRONG = ["--curve filmic", "--metering median", "--weights edge", "--bloom star", "--tier best", "--transfer pq",
+WRONG = ["--curve filmic", "--metering median", "--weights edge", "--bloom star", "--tier best", "--transfer log",
+         "--transfer pq --curve agx", "--transfer hlg --peak 300", "--peak 1000", "--transfer pq --bits 8", "--gain-map 1000",
          "--primaries rec601", "--primaries 0.1,0.2", "--primaries 0.3,0.3,0.3,0.3,0.3,0.3,0.3,0.3",
          "--bad-values keep", "--adaptation square", "--exposure bright", "--exposure 41", "--exposure nan",
          "--compensation -41", "--key 0", "--min-exposure 0", "--max-exposure 1e13",
@@ -122,7 +125,7 @@ def scene_cases(scenes: list[str]) -> Iterator[Case]:
     for scene in scenes:
         path, chosen = f"{{scenes}}/{scene}", scene in PAIRED_SCENES
         if chosen or scene in OTHER_WHOLE_SCENES:
-            settings = EXPOSURE + METERING + BLOOM + TONE + ALPHA + TIERS
+            settings = EXPOSURE + METERING + BLOOM + TONE + HDR + ALPHA + TIERS
         else:
             settings = SHORT_LIST + ([] if scene == LARGE_SCENE else ["--tier reference"])
         for options in OUTPUTS + settings:

@@ -24,10 +24,10 @@ PAGE = ROOT / "docs/recipes.md"
 NEEDS = {"ffmpeg": re.compile(r"\bffmpeg\b|\.(mp4|mov|mkv|webm)\b|extract_review"), "node": re.compile(r"^node ")}
 SERVER = "node upload.mjs 8080\n"
 # What the blocks make, and what ffprobe says of films.
-FILMS = {"review.mp4": "h264", "review.mov": "prores", "lit.mp4": "h264", "again.mp4": "h264", "own.webm": "vp9",
+FILMS = {"review.mp4": "h264", "review-hdr.mp4": "hevc", "review.mov": "prores", "lit.mp4": "h264", "again.mp4": "h264", "own.webm": "vp9",
          "published/review.mp4": "h264"}
 FILES = ["shot.json", "out/0004.png", "out/0006.png", "thumbs/a.jpg", "thumbs/b.jpg", "thumbs.json", "library.jpg",
-         "shot.png", "sdr.jpg", "agx.jpg", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
+         "shot.png", "sdr.jpg", "agx.jpg", "b-pq.png", "b-hlg.avif", "both.jpg", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
 
 
 def run(*command: str) -> str:
@@ -90,7 +90,8 @@ def check_films() -> None:
         said = run("ffprobe", "-v", "error", "-count_frames", "-of", "json", "-show_streams", film)
         stream = json.loads(said)["streams"][0]
         facts = [stream.get(key) for key in ("codec_name", "nb_read_frames", "r_frame_rate", "color_space", "width")]
-        expect(facts == [codec, "6", "24/1", "bt709", 96], f"{film} is {facts}")
+        matrix = "bt2020nc" if "hdr" in film else "bt709"
+        expect(facts == [codec, "6", "24/1", matrix, 96], f"{film} is {facts}")
     published = json.loads(pathlib.Path("published.json").read_text())
     expect(published["frameStart"] == 1 and published["frameEnd"] == 6 and len(published["representations"]) == 2,
            f"the extractor says {published}")

@@ -88,7 +88,7 @@ bool is_image(const Film& film, size_t index, const RenderResult& image) {
                             .rows = expected.data(),
                             .row_stride_bytes = expected.size() / frame.desc.height};
   const auto is_file = [&](bool opaque) {
-    const std::string file = encode_image(picture, *frame.settings, opaque, v1::ENCODING_PNG, 0).value();
+    const std::string file = encode_image(picture, *frame.settings, {}, opaque, v1::ENCODING_PNG, 0).value();
     return equals(std::as_bytes(std::span(file)));
   };
   return is_file(true) || is_file(false);

@@ -60,6 +60,8 @@ absl::Status finish_contact_options(ContactArguments& arguments) {
   if (settings.alpha() == v1::ALPHA_UNSPECIFIED) settings.set_alpha(v1::ALPHA_OVER);
   if (!settings.has_output_size()) settings.mutable_output_size()->set_max_side(kSheetCell);
   RETURN_IF_ERROR(finish_picture_options(options, {}, options.output));
+  if (settings.has_gain_map_peak_nits())
+    return usage_error("--gain-map is for one picture; a sheet has none");
   if (settings.output_format() != v1::OUTPUT_FORMAT_RGBA8) {
     const bool light = settings.output_format() == v1::OUTPUT_FORMAT_RGBA16F;
     return usage_error(absl::StrFormat("%s holds %s; a sheet is a %s", options.output,

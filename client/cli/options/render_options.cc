@@ -1,5 +1,7 @@
 #include "client/cli/options/render_options.h"
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
 
 #include "absl/algorithm/container.h"

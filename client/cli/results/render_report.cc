@@ -147,6 +147,11 @@ void add_everything(const RenderReport& report, std::string& text,
   line("exposure", metered_exposure_words(report));
   line("luminance", absl::StrFormat("%s .. %s", in_digits(statistics.min_luminance(), 4),
                                     in_digits(statistics.max_luminance(), 4)));
+  if (header.has_max_light_nits()) {
+    line("light",
+         absl::StrFormat("at most %s nit (MaxCLL), mean %s nit (MaxFALL)",
+                         in_digits(header.max_light_nits(), 4), in_digits(header.mean_light_nits(), 4)));
+  }
   const std::string bad = bad_value_words(statistics);
   if (!bad.empty()) line("bad values", bad + " components");
   if (report.view) {
@@ -177,6 +182,12 @@ std::string default_bloom_words(const PictureDefaults& defaults) {
 std::string exposure_words(double exposure, const PictureDefaults& defaults) {
   return absl::StrFormat("%s (%s EV%s)", in_digits(exposure, 4), with_sign(std::log2(exposure), 2),
                          default_exposure_words(defaults));
+}
+
+void add_light(const v1::ResultHeader& header, nlohmann::ordered_json& json) {
+  if (header.has_gain_map_max_log2()) json["gain_map_max_log2"] = header.gain_map_max_log2();
+  if (!header.has_max_light_nits()) return;
+  json.update({{"max_light_nits", header.max_light_nits()}, {"mean_light_nits", header.mean_light_nits()}});
 }
 
 std::string to_text(const RenderReport& report, bool verbose) {
@@ -239,6 +250,7 @@ std::string to_json(const RenderReport& report) {
                 {"stage_ms", stages},
                 {"total_ms", report.total_ms},
                 {"notes", report.notes}});
+  add_light(header, frame);
   if (!report.environment.empty()) frame["environment"] = report.environment;
   if (header.has_verify()) {
     frame["verify"] = to_json(header.verify(), report.tone_curve);

@@ -54,6 +54,10 @@ void add_metering(const Message& metered, nlohmann::ordered_json& json) {
                {"absent_pixels", statistics.absent_pixels()}});
 }
 
+// Adds how bright the image of a result is, if it is for an HDR display: max_light_nits, mean_light_nits; and
+// of a gain map its gain_map_max_log2.
+void add_light(const v1::ResultHeader& header, nlohmann::ordered_json& json);
+
 // {name: milliseconds} of the stages that the message has.
 template <typename Message>
 nlohmann::ordered_json stages_json(const Message& message) {

@@ -57,6 +57,7 @@ std::string to_json(const RunFrame& frame) {
                {"tier", header.tier()},
                {"stage_ms", stages_json(header)},
                {"latency_ms", absl::ToDoubleMilliseconds(frame.latency)}});
+  add_light(header, json);
   return line_of(json);
 }
 

@@ -187,8 +187,8 @@ absl::StatusOr<GainMapMetadata> metadata_of_xmp(absl::string_view xmp) {
 // ---- Where the map is ----
 
 struct Place {
-  uint64_t at, bytes;
-  const char* source;
+  uint64_t at = 0, bytes = 0;
+  const char* source = "";
 };
 
 std::vector<Place> places_of_mpf(absl::string_view file, const JpegSegments& segments) {
@@ -255,6 +255,8 @@ absl::StatusOr<std::optional<GainMapMetadata>> metadata_of(const JpegSegments& m
   return *metadata;
 }
 
+constexpr size_t kMostPlaces = 16;
+
 }  // namespace
 
 absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSegments& segments,
@@ -264,6 +266,8 @@ absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSeg
   std::vector<Place> places = places_of_mpf(file, segments);
   const std::vector<Place> more = places_of_directory(xmp, segments);
   places.insert(places.end(), more.begin(), more.end());
+  // Each is looked through to its end, and a file may name as many as it likes.
+  if (places.size() > kMostPlaces) places.resize(kMostPlaces);
 
   absl::Status lost;  // why there is nothing at a place
   for (const Place& place : places) {

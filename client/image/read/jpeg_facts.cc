@@ -6,6 +6,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/image/read/icc_name.h"
 #include "client/image/read/readers.h"
 
 namespace candela {
@@ -30,43 +31,6 @@ std::string icc_profile_of(const JpegSegments& segments, bool& is_there) {
     absl::StrAppend(&profile, parts[i]);
   }
   return profile;
-}
-
-// A big-endian number of four bytes; those that are missing are 0.
-size_t number_at(absl::string_view bytes, size_t at) {
-  size_t v = 0;
-  for (size_t i = 0; i < 4; ++i)
-    v = v << 8 | (at + i < bytes.size() ? static_cast<uint8_t>(bytes[at + i]) : 0);
-  return v;
-}
-
-// `bytes` of `whole`, as many as there are.
-absl::string_view piece(absl::string_view whole, size_t at, size_t bytes) {
-  return at < whole.size() ? whole.substr(at, bytes) : absl::string_view();
-}
-
-// What the profile calls itself, in its first language; "" if it cannot be read. lcms2 would take the memory
-// that a damaged profile asks for. Source: ICC.1:2001 section 6.5.17, ICC.1:2010 section 10.13.
-std::string description_of(absl::string_view profile) {
-  constexpr size_t kTagsAt = 128, kMostTags = 256, kMostLetters = 200;
-  absl::string_view tag;
-  for (size_t i = 0; i < std::min(number_at(profile, kTagsAt), kMostTags) && tag.empty(); ++i) {
-    const size_t at = kTagsAt + 4 + 12 * i;
-    if (piece(profile, at, 4) == "desc")
-      tag = piece(profile, number_at(profile, at + 4), number_at(profile, at + 8));
-  }
-  if (absl::StartsWith(tag, "desc")) {
-    const absl::string_view text = piece(tag, 12, std::min(number_at(tag, 8), kMostLetters));
-    return std::string(text.substr(0, text.find('\0')));
-  }
-  std::string letters;
-  if (!absl::StartsWith(tag, "mluc")) return letters;
-  const absl::string_view text =
-      piece(tag, number_at(tag, 24), std::min(number_at(tag, 20), 2 * kMostLetters));
-  for (size_t i = 0; i + 1 < text.size(); i += 2) {  // UTF-16
-    letters.push_back(text[i] == '\0' && text[i + 1] != '\0' ? text[i + 1] : '?');
-  }
-  return letters;
 }
 
 }  // namespace
@@ -117,14 +81,12 @@ Signal signal_of_jpeg(const JpegSegments& segments, std::vector<std::string>& no
   bool has_profile = false;
   const std::string profile = icc_profile_of(segments, has_profile);
   if (!has_profile) return signal;
-  const std::string description = description_of(profile);
+  // lcms2 would take the memory that a damaged profile asks for.
+  const std::string description = icc_name(profile);
   if (description.empty()) {
     notes.push_back("its ICC profile cannot be read: taken as sRGB");
-  } else if (set_by_profile_name(description, signal)) {
-    signal.source = "ICC";
   } else {
-    notes.push_back(absl::StrFormat("the ICC profile \"%s\" is none that Candela knows: taken as sRGB",
-                                    printable(description)));
+    take_profile("ICC", description, signal, notes);
   }
   return signal;
 }

@@ -343,6 +343,11 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
     map = std::nullopt;
   }
   RETURN_IF_ERROR(map.status());
+  if (map->has_value() && signal.transfer != SignalTransfer::kSrgb) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: its profile says PQ or HLG, which has no gain map; --input-transfer leaves the map out",
+        file.path()));
+  }
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(8, image);
   if (map->has_value()) (*map)->describe(image);

@@ -35,7 +35,7 @@ absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions&
 }
 
 absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
-  return encode_jpeg(picture_of(image), {options.jpeg_quality, options.transfer},
+  return encode_jpeg(picture_of(image), {options.jpeg_quality, options.transfer, options.gain_map_max_log2},
                      [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
 }
 

@@ -11,7 +11,8 @@
 
 A frame is an array (h, w, 3 or 4) of float16 or float32, scene-linear, rows from top to bottom, any strides; a fourth component is
 alpha, with which the colour is associated. An image is (h, w, 4) of uint8 (sRGB), or of uint16 or float16 if the setting
-output_format says "rgba16" or "rgba16f".
+output_format says "rgba16" or "rgba16f"; uint16 with the transfers "pq" and "hlg". With gain_map_peak_nits the fourth component is
+a gain map's code in place of alpha.
 
 Settings are given by name, as curve="agx", bloom={"intensity": 0.1} or exposure={"mode": "manual", "manual_ev": -1}, or as a
 Settings; see help(candela_render.Settings). Everything fails with Error, which has a code, a message that names field, value and

@@ -98,8 +98,10 @@ class ImageReader:
 
 def image_type(header: pb.ResultHeader | pb.Settings) -> Any:
     """numpy's, of a result or of settings. None: it is unknown."""
-    named = header.format if isinstance(header, pb.ResultHeader) else header.output_format or pb.OUTPUT_FORMAT_RGBA8
-    return _IMAGES.get(named)
+    if isinstance(header, pb.ResultHeader):
+        return _IMAGES.get(header.format)
+    hdr = header.transfer in (pb.TRANSFER_PQ, pb.TRANSFER_HLG)
+    return _IMAGES.get(header.output_format or (pb.OUTPUT_FORMAT_RGBA16 if hdr else pb.OUTPUT_FORMAT_RGBA8))
 
 
 def image_reader(header: pb.ResultHeader) -> ImageReader:

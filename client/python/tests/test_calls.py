@@ -18,6 +18,20 @@ class Calls(Test):
         later = candela.render(scene, previous={"exposure": 1, "elapsed_seconds": 0})[1]
         self.assertEqual(later.exposure, 1)
 
+    def test_an_hdr_display(self):
+        white = numpy.ones((3, 5, 3), numpy.float32)
+        image, info = candela.render(white, transfer="pq", curve="linear", exposure=1.0, bloom={"intensity": 0})
+        self.assertEqual(image.dtype, numpy.uint16)
+        numpy.testing.assert_allclose(image[..., :3] / 65535, 0.580688881, atol=1e-4)  # reference white, 203 nit
+        self.assertAlmostEqual(info.max_light_nits, 203, 1)
+        self.assertAlmostEqual(info.mean_light_nits, 203, 1)
+        with candela.Session(transfer="hlg", peak_nits=600, exposure={"mode": "manual"}, bloom={"intensity": 0}) as session:
+            image, info = session(white, time=0)
+            self.assertEqual(image.dtype, numpy.uint16)
+            self.assertTrue(150 < info.max_light_nits <= 203)
+            with self.fails("INVALID_ARGUMENT", "between 400 and 2000"):
+                session(white, time=1, peak_nits=300)
+
     def test_meter(self):
         metered = candela.meter(numpy.full((16, 16, 3), 0.5, numpy.float32))
         self.assertAlmostEqual(metered.statistics.mean_log2_luminance, -1, 3)

@@ -44,7 +44,7 @@ void FileFrames::decide_rate(const FrameReader::Read* first) {
   }
   if (of_file && !is_usable(*of_file)) {
     rate_notes_.push_back(absl::StrFormat(
-        "%s: its framesPerSecond is %d/%d, which is no usable rate, and is ignored; --fps sets the rate",
+        "%s: its frame rate is %d/%d, which is no usable rate, and is ignored; --fps sets the rate",
         path, of_file->frames, of_file->seconds));
     of_file.reset();
   }

@@ -26,10 +26,11 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, R
     return write_encoded(path, result.pixels(), result.header.encoding(), facts.has_alpha,
                          facts.pixel_aspect);
   }
+  const WriteOptions write = write_options_for(options, result.header);
   Image picture = picture_of(std::move(result), facts.has_alpha, facts.pixel_aspect);
   picture.frame_rate = facts.frame_rate;
   picture.kept = facts.kept;
-  return write_image(path, picture, options);
+  return write_image(path, picture, write);
 } catch (const std::bad_alloc&) {
   return absl::ResourceExhaustedError(
       absl::StrFormat("%s: out of memory; give this process more memory (ulimit -v)", path));

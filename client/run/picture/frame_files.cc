@@ -96,6 +96,13 @@ Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect) {
   return picture;
 }
 
+WriteOptions write_options_for(WriteOptions options, const v1::ResultHeader& result) {
+  options.hdr.max_light_nits = result.max_light_nits();
+  options.hdr.mean_light_nits = result.mean_light_nits();
+  options.gain_map_max_log2 = result.gain_map_max_log2();
+  return options;
+}
+
 absl::Status name_file(const absl::Status& status, const std::string& path) {
   if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) return about_input(status, path);
   return about_input(reworded(status, absl::StrFormat("%s: %s", path, status.message())), path);

@@ -42,6 +42,9 @@ v1::Settings settings_for(const Image& image, v1::Settings settings);
 // bloom.
 void show_display_light(const Image& image, v1::Settings& settings);
 
+// How the image of this result is written: an HDR one says how bright it is, and a JPEG may have a gain map.
+WriteOptions write_options_for(WriteOptions options, const v1::ResultHeader& result);
+
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
 Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect);
 

@@ -55,6 +55,7 @@ Setting in_force(const SettingField& field, const Message& holder) {
     if (enum_word(*choice->enum_type(), value) != exception.word()) continue;
     if (exception.has_max()) declaration.set_max(exception.max());
     if (exception.has_default_()) declaration.set_default_(exception.default_());
+    if (!exception.default_word().empty()) declaration.set_default_word(exception.default_word());
   }
   return declaration;
 }
@@ -76,8 +77,8 @@ absl::Status complete_choice(const SettingField& setting_field, Message& holder)
                         setting_field.path, value));
   }
   if (value == 0) {
-    reflection.SetEnumValue(&holder, &field,
-                            value_of_word(*field.enum_type(), setting_field.declaration().default_word()));
+    reflection.SetEnumValue(
+        &holder, &field, value_of_word(*field.enum_type(), in_force(setting_field, holder).default_word()));
   }
   return absl::OkStatus();
 }

@@ -1,10 +1,15 @@
 #include "server/render/color/aces2_table.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <mutex>
 #include <numbers>
+#include <utility>
 
 #include "server/base/check.h"
 #include "server/render/color/aces2.h"
+#include "server/render/color/portable_math.h"
 #include "shaders/params.h"
 
 namespace candela {
@@ -23,27 +28,48 @@ double hue_at(double place) {
   return std::fmod(degrees, 360.0);
 }
 
-const Aces2& sdr() {
-  static const Aces2& transform = *new Aces2(100, chromaticities(v1::PRIMARIES_REC709));
-  return transform;
+constexpr double kHdrPeaks[] = {500, 1000, 2000, 4000};
+constexpr double kReferenceNits = 100.0;  // of Aces2's 1.0
+
+// The transform for a display, and its table.
+struct Made {
+  explicit Made(const Aces2Display& display)
+      : transform(display.peak_nits, chromaticities(display.limit)),
+        table(
+            std::make_shared<const ColorTable>(ColorTable{.values = {}, .elements = transform.elements()})) {}
+  const Aces2 transform;
+  const std::shared_ptr<const ColorTable> table;
+};
+
+const Made& made_for(const Aces2Display& display) {
+  // That of SDR, and for each peak those of P3-D65 and of Rec.2020.
+  static std::array<std::once_flag, 1 + 2 * std::size(kHdrPeaks)> once;
+  static std::array<const Made*, std::size(once)> made;
+  size_t i = 0;
+  if (display.limit != v1::PRIMARIES_REC709) {
+    CHECK(aces_2_has_peak(display.peak_nits));
+    const auto peak = std::ranges::find(kHdrPeaks, display.peak_nits) - std::begin(kHdrPeaks);
+    i = 1 + 2 * static_cast<size_t>(peak) + (display.limit == v1::PRIMARIES_REC2020 ? 1 : 0);
+  }
+  std::call_once(once[i], [&] { made[i] = new Made(display); });
+  return *made[i];
 }
 
 }  // namespace
 
-std::array<double, 3> aces_2(const std::array<double, 3>& exposed) {
+bool aces_2_has_peak(double peak_nits) { return std::ranges::count(kHdrPeaks, peak_nits) > 0; }
+
+std::array<double, 3> aces_2(const std::array<double, 3>& exposed, const Aces2Display& display) {
   static constexpr double kToAp1[] = {TABLE_FROM_SCENE_AP1};
-  std::array<double, 3> ap1{};
-  for (size_t i = 0; i < 9; ++i) ap1[i / 3] += kToAp1[i] * exposed[i % 3];
-  return sdr().display_of_ap1(ap1);
+  std::array<double, 3> light{};
+  for (size_t i = 0; i < 9; ++i) light[i / 3] += kToAp1[i] * exposed[i % 3];
+  light = made_for(display).transform.display_of_ap1(light);
+  for (double& v : light) v *= kReferenceNits / display.peak_nits;
+  return light;
 }
 
-std::shared_ptr<const ColorTable> aces_2_table() {
-  static const auto& table = *new std::shared_ptr<const ColorTable>([] {
-    ColorTable made;
-    made.elements = sdr().elements();
-    return std::make_shared<const ColorTable>(std::move(made));
-  }());
-  return table;
+std::shared_ptr<const ColorTable> aces_2_table(const Aces2Display& display) {
+  return made_for(display).table;
 }
 
 std::vector<Element> Aces2::elements() const {
@@ -89,7 +115,7 @@ void Aces2::add_constants(std::vector<Element>& out) const {
 void Aces2::add_tone_pieces(std::vector<Element>& out) const {
   const double white = aces2::response_of(limit_J_);
   // Differences of it would show the last bits of a C library's powers.
-  const auto toned = [&](double A) { return A > 0 ? tone_.response(A, aces2::portable_power) / white : 0; };
+  const auto toned = [&](double A) { return A > 0 ? tone_.response(A, portable_power) / white : 0; };
   const auto slope = [&](double A) {
     const double step = 1e-5 * A;
     return A > 0 ? (toned(A + step) - toned(A - step)) / (2 * step) : 0;

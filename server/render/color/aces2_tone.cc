@@ -21,7 +21,6 @@ const double kAdaptedLight = [] {
 }();
 
 double library_power(double x, double y) { return std::pow(x, y); }
-double portable_power(double x, double y) { return x > 0 ? portable_exp2(y * portable_log2(x)) : 0.0; }
 
 double respond(double light, Power power) {
   const double p = power(std::abs(light) * kAdaptedLight, 0.42);

@@ -8,10 +8,9 @@ inline constexpr double kReference = 100.0;  // nit of 1.0, and of the white of 
 extern const double kGamma;                  // of lightness over the achromatic response
 extern const double kAdaptedLight;           // of 1 nit, in the cones' unit
 
-// x^y for x >= 0 and y > 0: the C library's, or slowly with the same bits on every processor.
+// x^y for x >= 0 and y > 0: the C library's, or candela::portable_power().
 using Power = double (*)(double x, double y);
 double library_power(double x, double y);
-double portable_power(double x, double y);
 
 // The response of a cone to light in nit, and back.
 double respond(double light, Power power = library_power);

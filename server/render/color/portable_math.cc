@@ -108,4 +108,6 @@ double portable_log2(double x) {
   return (Long{static_cast<double>(exponent)} + log).high;
 }
 
+double portable_power(double x, double y) { return x > 0 ? portable_exp2(y * portable_log2(x)) : 0.0; }
+
 }  // namespace candela

@@ -12,5 +12,7 @@ double portable_exp(double x);
 double portable_expm1(double x);
 // x > 0.
 double portable_log2(double x);
+// x^y; 0 for x = 0.
+double portable_power(double x, double y);
 
 }  // namespace candela

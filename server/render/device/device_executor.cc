@@ -99,22 +99,25 @@ absl::StatusOr<Drawn> DeviceExecutor::run_draw(FrameMemory& memory, const Plan& 
   RETURN_IF_ERROR(recorder_.usable());
   const FrameTextures& textures = memory.textures();
   pipelines_.trim(kMaxPipelines);
-  std::shared_ptr<const Buffer> table;
+  std::shared_ptr<const Buffer> colors, gain;
   if (plan.table) {
-    ASSIGN_OR_RETURN(std::shared_ptr<const Buffer> points, tables_.get(plan.table, recorder_));
-    table = std::move(points);
+    ASSIGN_OR_RETURN(colors, tables_.get(plan.table, recorder_));
   }
+  if (plan.gain) {
+    ASSIGN_OR_RETURN(gain, tables_.get(plan.gain->pieces(), recorder_));
+  }
+  const TableBuffers tables = {colors.get(), gain.get()};
   Submissions submissions(recorder_, pace_, !textures.upload, stages);
   absl::Status status = submissions.begin();
-  if (status.ok()) status = record_passes(textures, plan, table.get(), submissions);
-  if (status.ok() && textures.exact) status = record_verification(textures, plan, table.get(), submissions);
+  if (status.ok()) status = record_passes(textures, plan, tables, submissions);
+  if (status.ok() && textures.exact) status = record_verification(textures, plan, tables, submissions);
   if (status.ok()) status = submissions.end();
   if (!status.ok()) return status;
   return plan.resolve.inputs.constants.wide != 0 ? drawn_from_tiles(textures) : Drawn{};
 }
 
 absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const Plan& plan,
-                                           const Buffer* table, Submissions& submissions) {
+                                           const TableBuffers& tables, Submissions& submissions) {
   if (plan.resolve.inputs.constants.wide != 0) {  // what metering found is read; resolve counts from 0
     recorder_.fill_zero(textures.tiles.buffer());
     recorder_.barrier();
@@ -125,7 +128,7 @@ absl::Status DeviceExecutor::record_passes(const FrameTextures& textures, const 
   }
   if (plan.resize) RETURN_IF_ERROR(record_resized(*plan.resize, textures, submissions));
   const auto record = [&](uint64_t first, uint64_t last) {
-    return record_resolve(plan.resolve, table, textures, pipelines_, recorder_, rows_of(first, last));
+    return record_resolve(plan.resolve, tables, textures, pipelines_, recorder_, rows_of(first, last));
   };
   absl::Status status =
       submissions.pass(name(Pass::kResolve), groups_of(plan.resolve), kResolveGroupTexels, record);
@@ -183,9 +186,9 @@ absl::Status DeviceExecutor::record_bloom_step(const BloomStep& step, const Fram
 }
 
 absl::Status DeviceExecutor::record_verification(const FrameTextures& textures, const Plan& plan,
-                                                 const Buffer* table, Submissions& submissions) {
+                                                 const TableBuffers& tables, Submissions& submissions) {
   const auto record = [&](uint64_t first, uint64_t last) {
-    return record_exact(plan.resolve, table, textures, pipelines_, recorder_, rows_of(first, last));
+    return record_exact(plan.resolve, tables, textures, pipelines_, recorder_, rows_of(first, last));
   };
   RETURN_IF_ERROR(submissions.pass("verify", groups_of(plan.resolve), kResolveGroupTexels, record));
   recorder_.barrier();

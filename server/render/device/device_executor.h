@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "server/render/device/pace.h"
+#include "server/render/device/passes.h"
 #include "server/render/device/submissions.h"
 #include "server/render/device/table_cache.h"
 #include "server/render/frame/executor.h"
@@ -28,7 +29,7 @@ class DeviceExecutor final : public Executor {
   // Runs ingest once and adds up its tiles. `upload`: the wire pixels are not on the device yet.
   absl::StatusOr<TileSums> ingest(const FrameTextures& textures, const IngestPlan& plan,
                                   const IngestRead& read, bool upload, std::vector<StageTime>* stages);
-  absl::Status record_passes(const FrameTextures& textures, const Plan& plan, const Buffer* table,
+  absl::Status record_passes(const FrameTextures& textures, const Plan& plan, const TableBuffers& tables,
                              Submissions& submissions);
   absl::Status record_bloom_step(const BloomStep& step, const FrameTextures& textures,
                                  Submissions& submissions);
@@ -36,8 +37,8 @@ class DeviceExecutor final : public Executor {
   absl::Status record_resized(const ResizeStep& step, const FrameTextures& textures,
                               Submissions& submissions);
   // Records the unquantised image, and copies of what verification reads.
-  absl::Status record_verification(const FrameTextures& textures, const Plan& plan, const Buffer* table,
-                                   Submissions& submissions);
+  absl::Status record_verification(const FrameTextures& textures, const Plan& plan,
+                                   const TableBuffers& tables, Submissions& submissions);
 
   PipelineCache pipelines_;
   Recorder recorder_;

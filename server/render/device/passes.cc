@@ -110,14 +110,16 @@ std::array<VkBufferView, 2> reads_of(const BloomStep& step, const FrameTextures&
 }
 
 // Writes into `output` in an OUTPUT_* format with `texel_bytes` bytes a texel.
-absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                            PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows,
-                            const Buffer& output, uint32_t format, uint64_t texel_bytes) {
+absl::Status record_resolve(const ResolveStep& step, const TableBuffers& tables,
+                            const FrameTextures& textures, PipelineCache& pipelines, Recorder& recorder,
+                            const GroupRows& rows, const Buffer& output, uint32_t format,
+                            uint64_t texel_bytes) {
   const TextureLayout& layout = textures.layout;
   const bool resized = step.inputs.constants.pixels == shader::PIXELS_SCENE;
   const VkBufferView frame = (resized ? textures.scene : textures.input).buffer().view();
   // A binding that the shader does not use still has to hold something.
-  const VkBufferView table_view = table == nullptr ? frame : table->view();
+  const VkBufferView table_view = tables.colors == nullptr ? frame : tables.colors->view();
+  const VkBufferView gain_view = tables.gain == nullptr ? frame : tables.gain->view();
   const Target target = {output, layout.image_pitch * texel_bytes, layout.image.height, kResolveGroupRows};
   auto inputs = step.inputs;
   inputs.constants.output_format = format;
@@ -126,13 +128,13 @@ absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const 
   absl::Status status;
   if (!step.bloom_groups.empty()) {
     const VkBufferView bloom = textures.levels[0].buffer().view();
-    status = dispatch(pipelines, recorder, k_resolve_spirv, inputs, {frame, bloom, table_view}, target,
-                      step.bloom_groups, rows);
+    status = dispatch(pipelines, recorder, k_resolve_spirv, inputs, {frame, bloom, table_view, gain_view},
+                      target, step.bloom_groups, rows);
   }
   if (!step.plain_groups.empty()) {
     inputs.constants.bloom = shader::BLOOM_NONE;
-    status.Update(dispatch(pipelines, recorder, k_resolve_spirv, inputs, {frame, frame, table_view}, target,
-                           step.plain_groups, rows));
+    status.Update(dispatch(pipelines, recorder, k_resolve_spirv, inputs,
+                           {frame, frame, table_view, gain_view}, target, step.plain_groups, rows));
   }
   return status;
 }
@@ -205,6 +207,7 @@ absl::Status record_resize(const ResizeStep& step, bool down, uint32_t block, co
                                           .bloom = shader::BLOOM_NONE,
                                           .level_size = kWholeBloom,
                                           .wide = 0,
+                                          .unrounded = 0,
                                           .down = 0};
   const shader::ResizeConstants from_frame = {.pixels = frame.pixels,
                                               .matrix = frame.matrix,
@@ -212,6 +215,7 @@ absl::Status record_resize(const ResizeStep& step, bool down, uint32_t block, co
                                               .bloom = blooms ? frame.bloom : shader::BLOOM_NONE,
                                               .level_size = frame.level_size,
                                               .wide = frame.wide,
+                                              .unrounded = frame.unrounded,
                                               .down = 1};
   const ShaderInputs<shader::ResizeConstants, shader::ResizeParams> inputs = {
       .constants = down ? from_frame : across,
@@ -240,16 +244,17 @@ absl::Status record_resize(const ResizeStep& step, bool down, uint32_t block, co
                   rows);
 }
 
-absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                            PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows) {
+absl::Status record_resolve(const ResolveStep& step, const TableBuffers& tables,
+                            const FrameTextures& textures, PipelineCache& pipelines, Recorder& recorder,
+                            const GroupRows& rows) {
   const v1::OutputFormat format = textures.layout.output_format;
-  return record_resolve(step, table, textures, pipelines, recorder, rows, textures.output.buffer(),
+  return record_resolve(step, tables, textures, pipelines, recorder, rows, textures.output.buffer(),
                         static_cast<uint32_t>(format), bytes_per_pixel(format));
 }
 
-absl::Status record_exact(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
+absl::Status record_exact(const ResolveStep& step, const TableBuffers& tables, const FrameTextures& textures,
                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows) {
-  return record_resolve(step, table, textures, pipelines, recorder, rows, textures.exact.buffer(),
+  return record_resolve(step, tables, textures, pipelines, recorder, rows, textures.exact.buffer(),
                         shader::OUTPUT_FLOAT, 4 * sizeof(float));
 }
 

@@ -33,9 +33,15 @@ absl::Status record_ingest(const IngestPlan& plan, const IngestRead& read, const
 absl::Status record_bloom(const BloomStep& step, const FrameTextures& textures, PipelineCache& pipelines,
                           Recorder& recorder, const GroupRows& rows = {});
 
-// `table`: the colour table's points on the device; null if the curve has none.
-absl::Status record_resolve(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
-                            PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
+// The colour table's points and the gain map's pieces on the device; null if there is none.
+struct TableBuffers {
+  const Buffer* colors = nullptr;
+  const Buffer* gain = nullptr;
+};
+
+absl::Status record_resolve(const ResolveStep& step, const TableBuffers& tables,
+                            const FrameTextures& textures, PipelineCache& pipelines, Recorder& recorder,
+                            const GroupRows& rows = {});
 
 // Along y from the frame to the block of rows that begins at row `block` of the image, or along x from the
 // block to the scene. The weights are on the device.
@@ -46,7 +52,7 @@ Box resize_groups(const ResizeStep& step, bool down, uint32_t block, const Textu
 double resize_group_texels(const ResizeStep& step, bool down);
 
 // Records resolve once more, unquantised, into the `exact` texture.
-absl::Status record_exact(const ResolveStep& step, const Buffer* table, const FrameTextures& textures,
+absl::Status record_exact(const ResolveStep& step, const TableBuffers& tables, const FrameTextures& textures,
                           PipelineCache& pipelines, Recorder& recorder, const GroupRows& rows = {});
 
 }  // namespace candela

@@ -12,13 +12,14 @@
 
 namespace candela {
 
-// Facts about a frame that drawing finds. Both are 0 for a frame without a negative component.
+// Facts about a frame that drawing finds. The first two are 0 for a frame without a negative component.
 struct Drawn {
   // The frame's R, G and B components that the curve cut because they lie outside its gamut.
   uint64_t gamut_cut_components = 0;
   // The largest exposed light that a component of the scene has below 0, before bloom. Infinite if the curve
   // looks its light up on the axes AP1 and some of it is outside of AP1.
   float negative_light = 0.0f;
+  ShownLight shown;
 };
 
 // One thread at a time. Both phases block until their work is complete. INVALID_ARGUMENT naming the pixel if

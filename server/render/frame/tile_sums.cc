@@ -191,7 +191,12 @@ TileSums sum_tiles(const FrameTextures& textures, const IngestPlan& plan, const 
 
 Drawn drawn_from_tiles(const FrameTextures& textures) {
   const shader::TileRecord tile = tile_at(textures, 0);
-  return {tile.gamut_cut_components, std::bit_cast<float>(tile.negative_light_bits)};
+  const uint64_t sum = (uint64_t{tile.shown_sum_high} << shader::SHOWN_LOW_BITS) + tile.shown_sum_low;
+  const ImageSize& image = textures.layout.image;
+  return {tile.gamut_cut_components,
+          std::bit_cast<float>(tile.negative_light_bits),
+          {std::bit_cast<float>(tile.shown_max_bits),
+           static_cast<double>(sum) / shader::SHOWN_SCALE / (double{1} * image.width * image.height)}};
 }
 
 absl::StatusOr<Metered> meter_frame(const IngestPlan& plan, const FrameDesc& desc, ReadFrame read_frame) {

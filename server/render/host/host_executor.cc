@@ -99,30 +99,33 @@ absl::StatusOr<Drawn> HostExecutor::run_draw(FrameMemory& memory, const Plan& pl
     const HostStage stage(name(Pass::kResize), stages);
     host::run_resize(*plan.resize, textures, crew_);
   }
-  const std::shared_ptr<const host::TablePoints> points = points_of(plan);
+  const std::shared_ptr<const host::TablePoints> points = points_of(plan.table);
+  const std::shared_ptr<const host::TablePoints> gain = points_of(plan.gain ? plan.gain->pieces() : nullptr);
+  const host::Tables tables = {points.get(), gain.get()};
   Drawn drawn;
   {
     const HostStage stage(name(Pass::kResolve), stages);
     // Verification reads the image again, so it may not be where its client can change it.
     const bool to_client = textures.client.image != nullptr && !textures.exact;
-    drawn = host::run_resolve(plan.resolve, points.get(), textures,
-                              to_client ? textures.client.image : nullptr, crew_);
+    drawn =
+        host::run_resolve(plan.resolve, tables, textures, to_client ? textures.client.image : nullptr, crew_);
     textures.client_has_image = to_client;
   }
   if (textures.exact) {
     const HostStage stage("verify", stages);
-    host::run_exact(plan.resolve, points.get(), textures, crew_);
+    host::run_exact(plan.resolve, tables, textures, crew_);
   }
   return drawn;
 }
 
-std::shared_ptr<const host::TablePoints> HostExecutor::points_of(const Plan& plan) {
-  if (!plan.table) return nullptr;
-  if (std::shared_ptr<const host::TablePoints> found = tables_.find(plan.table)) return found;
+std::shared_ptr<const host::TablePoints> HostExecutor::points_of(
+    const std::shared_ptr<const ColorTable>& table) {
+  if (!table) return nullptr;
+  if (std::shared_ptr<const host::TablePoints> found = tables_.find(table)) return found;
   tables_.make_room();
-  host::TablePoints points(point_count(*plan.table));
-  write_points(*plan.table, reinterpret_cast<std::byte*>(points.data()));
-  return tables_.keep(plan.table, std::move(points));
+  host::TablePoints points(point_count(*table));
+  write_points(*table, reinterpret_cast<std::byte*>(points.data()));
+  return tables_.keep(table, std::move(points));
 }
 
 }  // namespace candela

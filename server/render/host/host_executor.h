@@ -42,8 +42,8 @@ class HostExecutor final : public Executor {
                                  std::vector<StageTime>* stages) override;
   // UNAVAILABLE if the device is lost: its memory may be, too.
   absl::Status usable() const;
-  // Those of the plan's table; null if it has none.
-  std::shared_ptr<const host::TablePoints> points_of(const Plan& plan);
+  // A table's points; null if there is none.
+  std::shared_ptr<const host::TablePoints> points_of(const std::shared_ptr<const ColorTable>& table);
 
   const Device& device_;
   Crew crew_;

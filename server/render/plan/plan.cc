@@ -8,8 +8,10 @@
 #include "proto/candela/v1/settings.h"
 #include "server/render/color/aces.h"
 #include "server/render/color/aces2_table.h"
+#include "server/render/color/hdr_signal.h"
 #include "server/render/plan/bloom_plan.h"
 #include "server/render/plan/lit_area.h"
+#include "server/render/settings/hdr_display.h"
 #include "server/render/settings/tiers.h"
 
 namespace candela {
@@ -29,6 +31,14 @@ std::string metering_words(const v1::Metering& metering) {
   }
   if (metering.ignore_below() > 0) absl::StrAppendFormat(&words, " above %g", metering.ignore_below());
   return words;
+}
+
+// "srgb", "pq of 1000 nit in rec2020"
+std::string transfer_words(const Settings& settings) {
+  const std::string transfer = v1::word_of(settings->transfer());
+  if (!is_hdr(*settings)) return transfer;
+  return absl::StrFormat("%s of %g nit in %s", transfer, settings->peak_nits(),
+                         v1::word_of(settings->display_primaries()));
 }
 
 bool ignores_alpha(const Settings& settings) { return settings->alpha() == v1::ALPHA_IGNORE; }
@@ -60,9 +70,33 @@ reference::MeterParams reference_meter(const Settings& settings) {
           .ignore_absent = !ignores_alpha(settings)};
 }
 
-// The factor that exposes the scene. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
+// The factor that exposes the scene: light is then in units of reference white or, for HDR displays, of their
+// peak; aces-2 has its own. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
 double exposure_factor(const Settings& settings, double exposure) {
-  return std::min<double>(exposure * settings->prescale(), shader::MAX_EXPOSURE);
+  double factor = exposure * settings->prescale();
+  if (is_hdr(*settings) && settings->curve() != v1::TONE_CURVE_ACES_2) {
+    factor *= kReferenceWhiteNits / settings->peak_nits();
+  }
+  return std::min<double>(factor, shader::MAX_EXPOSURE);
+}
+
+// Sets what describes the HDR display.
+void set_display(const Settings& settings, shader::ResolveParams& params) {
+  const double peak = settings->peak_nits() / kPqPeakNits;
+  params.display_peak = static_cast<float>(peak);
+  params.peak_signal = static_cast<float>(pq_signal(peak));
+  params.hlg_exponent = static_cast<float>(hlg_exponent(settings->peak_nits()));
+  if (settings->curve() == v1::TONE_CURVE_BT2390) {
+    params.curve_white = static_cast<float>(pq_signal(settings->source_peak_nits() / kPqPeakNits));
+  }
+}
+
+uint32_t display_constant(const Settings& settings) {
+  return is_hdr(*settings) ? static_cast<uint32_t>(settings->display_primaries()) : shader::DISPLAY_REC709;
+}
+uint32_t limit_constant(const Settings& settings) {
+  const bool own = is_hdr(*settings) && settings->curve() == v1::TONE_CURVE_ACES_2;
+  return own ? static_cast<uint32_t>(limit_of(*settings)) : display_constant(settings);
 }
 
 // A bound of the scene's components, from their luminance.
@@ -90,7 +124,9 @@ reference::Gamut gamut_of(const Settings& settings, const ColorTable* table) {
              : table->axes == shader::AXES_AP1 ? reference::Gamut::kAp1
                                                : reference::Gamut::kRec709;
     default:
-      return reference::Gamut::kRec709;
+      return settings->display_primaries() == v1::PRIMARIES_REC2020  ? reference::Gamut::kRec2020
+             : settings->display_primaries() == v1::PRIMARIES_P3_D65 ? reference::Gamut::kP3D65
+                                                                     : reference::Gamut::kRec709;
   }
 }
 
@@ -127,6 +163,10 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
   plan.resolve.gamut = gamut_of(settings, decisions.table.get());
   plan.resolve.curve_white = settings->curve_white();
   plan.resolve.transfer = static_cast<uint32_t>(output_transfer(*settings));
+  plan.resolve.display = display_constant(settings);
+  plan.resolve.limit = limit_constant(settings);
+  plan.resolve.peak_nits = settings->peak_nits();
+  plan.resolve.source_peak_nits = settings->source_peak_nits();
   plan.resolve.alpha = static_cast<uint32_t>(settings->alpha());
   plan.resolve.background = {settings->background().red(), settings->background().green(),
                              settings->background().blue()};
@@ -147,8 +187,12 @@ shader::ResolveConstants resolve_constants(const TextureLayout& layout, const Me
           .dither = dithers(settings),
           .level_size = layout.level_size,
           .transfer_terms = settings.tier().transfer_terms,
-          .wide = wide(metered),
-          .alpha = metered.alpha ? static_cast<uint32_t>(settings->alpha()) : shader::ALPHA_ASSOCIATED};
+          .wide = wide(metered) || is_hdr(*settings),
+          .alpha = metered.alpha ? static_cast<uint32_t>(settings->alpha()) : shader::ALPHA_ASSOCIATED,
+          .display = display_constant(settings),
+          .unrounded = is_hdr(*settings),
+          .limit = limit_constant(settings),
+          .gain = 0};
 }
 
 shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings& settings,
@@ -159,6 +203,7 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   params.output_pitch = layout.image_pitch;
   params.exposure = static_cast<float>(exposure_factor(settings, decisions.exposure));
   params.curve_white = settings->curve_white();
+  if (is_hdr(*settings)) set_display(settings, params);
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
   params.background_r = settings->background().red();
   params.background_g = settings->background().green();
@@ -203,7 +248,7 @@ void plan_resize(const TextureLayout& layout, Plan& plan) {
   step.across = axis_filter(desc.width, layout.image.width);
   shader::ResolveConstants& constants = plan.resolve.inputs.constants;
   constants.pixels = shader::PIXELS_SCENE;
-  constants.matrix = constants.scrub = 0;
+  constants.matrix = constants.scrub = constants.unrounded = 0;
   constants.bloom = shader::BLOOM_NONE;
   shader::InputParams& frame = plan.resolve.inputs.params.frame;
   frame.width = layout.image.width;
@@ -259,6 +304,7 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   const FrameDesc& desc = layout.desc;
   Plan plan;
   plan.table = decisions.table;
+  plan.gain = settings.gain_curve();
   plan.words.push_back(absl::StrFormat("ingest %dx%d %s: meter%s", desc.width, desc.height,
                                        v1::word_of(desc.format),
                                        metering_words(settings->exposure().metering())));
@@ -276,6 +322,7 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   plan.resolve.inputs.constants =
       resolve_constants(layout, metered, settings, plan.table.get(), matrix.has_value());
   plan.resolve.inputs.params = resolve_params(layout, settings, decisions, bloom, matrix);
+  plan.resolve.inputs.constants.gain = plan.gain != nullptr;
   plan.resolve.opaque = !metered.alpha;
   set_groups(bloom_reach(layout, plan), plan.resolve);
   if (layout.resizes()) plan_resize(layout, plan);
@@ -287,9 +334,9 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
   plan.words.push_back(absl::StrFormat(
       "resolve%s%s: %s, %s, %s, tier %s", bloom && !layout.resizes() ? " with bloom" : "",
       metered.alpha ? alpha_words(settings) : "", v1::word_of(settings->curve()),
-      settings->output_format() == v1::OUTPUT_FORMAT_RGBA16F ? "display-linear"
-                                                             : v1::word_of(settings->transfer()),
-      absl::StrCat(v1::word_of(settings->output_format()), settings->dither() ? " dithered" : ""),
+      settings->output_format() == v1::OUTPUT_FORMAT_RGBA16F ? "display-linear" : transfer_words(settings),
+      absl::StrCat(v1::word_of(settings->output_format()), settings->dither() ? " dithered" : "",
+                   plan.gain ? " with a gain map" : ""),
       settings->tier()));
   plan.reference = plan_reference(layout, settings, decisions, matrix);
   return plan;
@@ -312,7 +359,10 @@ BoundFacts frame_facts(const Metered& metered, const Settings& settings, double 
 absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings,
                                                                  const Metered& metered) {
   const Tier& tier = settings.tier();
-  if (settings->curve() == v1::TONE_CURVE_ACES_2) return aces_2_table();
+  if (settings->curve() == v1::TONE_CURVE_ACES_2) {
+    return aces_2_table(is_hdr(*settings) ? Aces2Display{settings->peak_nits(), limit_of(*settings)}
+                                          : Aces2Display{});
+  }
   if (settings->curve() != v1::TONE_CURVE_ACES_1 || tier.host_reference) return settings.table();
   return wide(metered) ? aces_1_wide_table(tier.wide_table_size) : aces_1_table(tier.table_size);
 }

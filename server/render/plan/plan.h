@@ -13,6 +13,7 @@
 #include <variant>
 #include <vector>
 
+#include "server/render/color/gain_curve.h"
 #include "server/render/plan/box.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
@@ -107,6 +108,7 @@ struct Plan {
   std::optional<ResizeStep> resize;    // absent: the image has the frame's size
   ResolveStep resolve;
   std::shared_ptr<const ColorTable> table;  // of the curves that have one
+  std::shared_ptr<const GainCurve> gain;    // if alpha holds a gain map
   ReferencePlan reference;
   std::vector<Box> lit;            // texels of the frame that may pass the bright pass; no others do
   std::vector<std::string> words;  // the plan for people, with the reasons
@@ -116,6 +118,13 @@ struct Plan {
 
 // Pure.
 IngestPlan plan_ingest(const TextureLayout& layout, const Settings& settings);
+
+// How bright an image in PQ or HLG is, in units of the display's peak: the largest of R, G and B of all
+// pixels, and the mean of each pixel's largest. With straight alpha they are those of the pixels' objects.
+struct ShownLight {
+  double largest = 0.0;
+  double mean = 0.0;
+};
 
 // The decisions about a frame between its two phases.
 struct FrameDecisions {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <numbers>
 
 #include "absl/strings/str_cat.h"
 
@@ -14,8 +15,7 @@ constexpr uint32_t kLobes = 3;
 // sin(pi x) for 0 <= x <= 1: its series, within 3e-16. A library's last digit depends on the processor.
 double sine_of_pi(double x) {
   x = std::min(x, 1 - x);
-  constexpr double kPi = 3.14159265358979323846;
-  const double y = kPi * x;
+  const double y = std::numbers::pi * x;
   const double square = y * y;
   double sum = 1;
   for (int n = 19; n > 1; n -= 2) sum = 1 - square / (n * (n - 1)) * sum;

@@ -87,6 +87,7 @@ absl::StatusOr<Drawn> ReferenceExecutor::run_draw(FrameMemory& memory, const Pla
                 [&](const RowSpan& span, uint32_t) { render_span(textures, frame, span); });
   Drawn drawn;
   if (plan.resolve.inputs.constants.wide != 0) drawn.gamut_cut_components = frame.cut_components();
+  if (plan.reference.resolve.display != shader::DISPLAY_REC709) drawn.shown = frame.shown_light();
   return drawn;
 }
 

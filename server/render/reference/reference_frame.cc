@@ -39,13 +39,30 @@ reference::Rgb cut_to_ap1(const reference::Rgb& light) {
   return {cut.x, cut.y, cut.z};
 }
 
+// aces-2, on an HDR display in its primaries.
+std::function<reference::Rgb(const reference::Rgb&)> aces_2_look(const reference::ResolveParams& params) {
+  if (params.display == shader::DISPLAY_REC709) return [](const reference::Rgb& c) { return aces_2(c); };
+  const Aces2Display display = {params.peak_nits, static_cast<v1::Primaries>(params.limit)};
+  if (params.limit == params.display)
+    return [display](const reference::Rgb& c) { return aces_2(c, display); };
+  return [display](const reference::Rgb& c) -> reference::Rgb {
+    static constexpr double kP3InRec2020[] = {0.753833034361720,  0.198597369052618, 0.047569596585662,
+                                              0.045743848965358,  0.941777219811693, 0.012478931222948,
+                                              -0.001210340354518, 0.017601717301089, 0.983608623053428};
+    const reference::Rgb p3 = aces_2(c, display);
+    reference::Rgb out{};
+    for (size_t i = 0; i < 9; ++i) out[i / 3] += kP3InRec2020[i] * p3[i % 3];
+    return out;
+  };
+}
+
 // aces-1 is computed by OpenColorIO itself, so that the error of the baked table counts. It cuts light where
 // every executor does. A client's own table is exact by definition.
 std::function<reference::Rgb(const reference::Rgb&)> look_of(const Plan& plan) {
   if (plan.reference.resolve.curve == shader::CURVE_TABLE) {
     return [table = plan.table](const reference::Rgb& c) { return reference::look_up(*table, c); };
   }
-  if (plan.reference.resolve.curve == shader::CURVE_ACES_2) return aces_2;
+  if (plan.reference.resolve.curve == shader::CURVE_ACES_2) return aces_2_look(plan.reference.resolve);
   if (plan.reference.resolve.curve != shader::CURVE_ACES_1) return nullptr;
   return [](const reference::Rgb& exposed) -> reference::Rgb {
     const reference::Rgb c = cut_to_ap1(exposed);
@@ -87,6 +104,11 @@ ReferenceFrame::ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t le
     bloom_ = reference::bloom(metered_.scene, bloom, metered_.meter.mean_log2_luminance, &levels_);
   }
   resolve_.look = look_of(plan);
+  if (plan.gain) {
+    resolve_.gain_code = [gain = plan.gain](const reference::Rgb& c) {
+      return std::min(gain->log2_gain(std::max({c[0], c[1], c[2]})) / gain->max_log2(), 1.0);
+    };
+  }
   light_ = resolve_;
   resize();
 }
@@ -102,8 +124,10 @@ void ReferenceFrame::resize() {
 void ReferenceFrame::unround(const FrameTextures& textures, const Plan& plan) {
   metered_.scene = {};  // its memory is needed
   resized_.reset();
+  const bool all = plan.resolve.inputs.constants.unrounded != 0 || resolve_.display != shader::DISPLAY_REC709;
   metered_.scene =
-      ingest_scene(textures, plan.reference.matrix, reference::Rounding::kHalfUnlessNegative, nullptr);
+      ingest_scene(textures, plan.reference.matrix,
+                   all ? reference::Rounding::kNone : reference::Rounding::kHalfUnlessNegative, nullptr);
   resize();
 }
 
@@ -124,6 +148,21 @@ uint64_t ReferenceFrame::cut_components() const {
     checkpoint();
   }
   return cut;
+}
+
+ShownLight ReferenceFrame::shown_light() const {
+  ShownLight light;
+  double sum = 0.0;
+  for (uint32_t y = 0; y < height(); ++y) {
+    for (const reference::Rgb& c : reference::light_row(scene(), bloom_, levels_, resolve_, y)) {
+      const double largest = std::max({c[0], c[1], c[2]});
+      light.largest = std::max(light.largest, largest);
+      sum += largest;
+    }
+    checkpoint();
+  }
+  light.mean = sum / (double{1} * width() * height());
+  return light;
 }
 
 double ReferenceFrame::code(double value, double largest, uint32_t x, uint32_t y, size_t k) const {

@@ -23,7 +23,8 @@ class ReferenceFrame {
   // `level_size` is TextureLayout::level_size: kWholeBloom, or a tier's own.
   ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size);
 
-  // Resolves from a scene whose colours with a negative component are not rounded; metering and bloom stay.
+  // Resolves from a scene whose colours with a negative component, or for an HDR display all colours, are not
+  // rounded; metering and bloom stay.
   void unround(const FrameTextures& textures, const Plan& plan);
 
   const MeteredScene& metered() const { return metered_; }
@@ -42,6 +43,8 @@ class ReferenceFrame {
 
   // Of the whole image: see reference::cut_components().
   uint64_t cut_components() const;
+  // How bright the image is on an HDR display.
+  ShownLight shown_light() const;
 
   // Component k (0 .. 2) of texel (x, y) in codes of an output that has codes 0 to `largest`, dithered but
   // not rounded; `value` is its display value.

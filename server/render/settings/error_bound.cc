@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/base/words/rounded_up.h"
+#include "server/render/color/hdr_signal.h"
 #include "server/render/color/portable_math.h"
 #include "server/render/settings/output_size.h"
 #include "shaders/color_table.h"
@@ -49,6 +50,16 @@ struct CurveError {
 constexpr TableError kAces2Codes = {0.04, 1.5, 0.05};
 constexpr TableError kAces2WideCodes = {0.3, 3, 0.08};
 
+// Of an HDR display's signal, in codes: what the polynomials leave, and with bt2390 its signals of float32
+// besides.
+constexpr double kHdrCodes = 5e-4;
+constexpr double kBt2390Codes = 8e-3;
+// The largest slopes of PQ and HLG over the logarithm of light; with HLG's OOTF.
+constexpr double kPqSlope = 0.11;
+constexpr double kHlgSlope = 0.3;
+// The least part that a component has of its colour's luminance.
+constexpr double kLeastOfLuminance = 0.0593;
+
 // Per unit of a root in a table: M_out of r^2, at the largest root.
 constexpr double kLightToRoot = 2 * shader::TABLE_MAX_ROOT * 2.21;
 // The error of a position in a table, in points: its fraction's bits, and the roundings of the axis.
@@ -64,7 +75,15 @@ CurveError table_error(const ColorTable& table, double step) {
           .cancels = light * kPositionError};
 }
 
+CurveError hdr_error(const Settings& settings) {
+  const double slope = settings->transfer() == v1::TRANSFER_PQ ? kPqSlope : kHlgSlope;
+  // One factor for three components has the error of the largest, too.
+  const double relative = settings->curve() == v1::TONE_CURVE_BT2390 ? 2 : 1;
+  return {1, relative, relative * slope, 0};
+}
+
 CurveError curve_error(const Settings& settings) {
+  if (is_hdr(*settings)) return hdr_error(settings);
   const double white = settings->curve_white();
   switch (settings->curve()) {
     case v1::TONE_CURVE_ACES_NARKOWICZ:
@@ -127,16 +146,25 @@ double table_codes(const TableError& error, v1::Transfer transfer) {
                                             : error.linear;
 }
 
-// For x >= 0. A bound decides a frame's tier and is told to the client, so every machine has the same.
-double power(double x, double y) { return x > 0 ? portable_exp2(y * portable_log2(x)) : 0; }
+// The HLG signal of a component as dark as this beside which nothing brighter lifts the luminance. Above 1/12
+// the logarithm is below the root.
+double hlg_of_component(double light, double peak_nits) {
+  const double e = light > 0 ? light * portable_power(kLeastOfLuminance * light, hlg_exponent(peak_nits)) : 0;
+  return std::min(portable_power(3 * e, 0.5), 1.0);
+}
 
-// The encoding of display light. Each is concave and 0 at 0, so no error of light is larger when it is
-// encoded than the encoded error.
-double encoded(v1::Transfer transfer, double light) {
+// The encoding of display light, with the same bits on every machine. Each is concave and 0 at 0, so no error
+// of light is larger when it is encoded than the encoded error.
+double encoded(const Settings& settings, double light) {
   light = std::min(light, 1.0);  // infinity, too
-  if (transfer == v1::TRANSFER_GAMMA22) return power(light, 1 / 2.2);
+  const v1::Transfer transfer = output_transfer(*settings);
+  if (transfer == v1::TRANSFER_PQ) {
+    return pq_signal(light * settings->peak_nits() / kPqPeakNits) - pq_signal(0);
+  }
+  if (transfer == v1::TRANSFER_HLG) return hlg_of_component(light, settings->peak_nits());
+  if (transfer == v1::TRANSFER_GAMMA22) return portable_power(light, 1 / 2.2);
   if (transfer == v1::TRANSFER_LINEAR) return light;
-  return light <= 0.0031308 ? 12.92 * light : 1.055 * power(light, 1 / 2.4) - 0.055;
+  return light <= 0.0031308 ? 12.92 * light : 1.055 * portable_power(light, 1 / 2.4) - 0.055;
 }
 
 std::string words(const Tier& tier, double bound) {
@@ -164,6 +192,8 @@ double error_bound(const Tier& tier, const Settings& settings, const BoundFacts&
   if (facts.resized) return kNoBound;
   const bool sized_bloom = settings->bloom().kind() != v1::Bloom::KIND_GAUSSIAN;
   if (facts.blooms && sized_bloom && tier.bloom_level_size != kWholeBloom) return kNoBound;
+  // Nothing bounds what its tables leave near the limit of its gamut, where PQ is steep.
+  if (is_hdr(*settings) && settings->curve() == v1::TONE_CURVE_ACES_2) return kNoBound;
   const v1::Transfer transfer = output_transfer(*settings);
   const CurveError curve = curve_error(settings);
   const double rounding = kRounding * kLightRoundings + (facts.blooms ? bloom_rounding(settings) : 0);
@@ -174,7 +204,9 @@ double error_bound(const Tier& tier, const Settings& settings, const BoundFacts&
   } else {
     codes += 255 * curve.encoded * rounding;
   }
-  codes += 255 * encoded(transfer, light);
+  codes += 255 * encoded(settings, light);
+  if (is_hdr(*settings)) codes += kHdrCodes;
+  if (settings->curve() == v1::TONE_CURVE_BT2390) codes += kBt2390Codes;
   if (transfer == v1::TRANSFER_SRGB) codes += tier.transfer_codes;
   if (transfer == v1::TRANSFER_GAMMA22) codes += kPowerCodes;
   if (settings->curve() == v1::TONE_CURVE_ACES_1) {

@@ -13,6 +13,8 @@
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
+#include "server/render/settings/gain_curve_of.h"
+#include "server/render/settings/hdr_display.h"
 #include "server/render/settings/output_size.h"
 #include "shaders/params.h"
 
@@ -138,12 +140,14 @@ absl::StatusOr<Settings> Settings::from(v1::Settings message) {
         message.tier(), message.max_error_codes()));
   }
   RETURN_IF_ERROR(v1::complete_settings(message));
+  RETURN_IF_ERROR(check_hdr_display(message));
   RETURN_IF_ERROR(check_exposure(message.exposure()));
   RETURN_IF_ERROR(check_output_size(message.output_size()));
   auto state = std::make_shared<State>();
   ASSIGN_OR_RETURN(state->tier, find_known_tier(message));
   ASSIGN_OR_RETURN(state->table, table_from(message));
   ASSIGN_OR_RETURN(state->to_scene, matrix_from(message));
+  state->gain_curve = gain_curve_of(message, state->table);
   if (message.has_table()) message.mutable_table()->clear_values();
   state->message = std::move(message);
   if (state->table && state->message.has_max_error_codes()) state->table_step = largest_step(*state->table);
@@ -164,6 +168,8 @@ Settings Settings::for_metering(bool histogram) const {
   state->message.clear_max_error_codes();
   state->message.mutable_bloom()->set_intensity(0);
   state->message.clear_output_size();
+  state->message.clear_gain_map_peak_nits();
+  state->gain_curve = nullptr;
   state->wants_histogram = histogram;
   return Settings(std::move(state));
 }
@@ -182,6 +188,10 @@ Settings Settings::with_table_owner(std::shared_ptr<const void> owner) const {
 v1::Transfer output_transfer(const v1::Settings& settings) {
   if (settings.curve() == v1::TONE_CURVE_TABLE) return v1::TRANSFER_SRGB;
   return settings.output_format() == v1::OUTPUT_FORMAT_RGBA16F ? v1::TRANSFER_LINEAR : settings.transfer();
+}
+
+bool is_hdr(const v1::Settings& settings) {
+  return settings.transfer() == v1::TRANSFER_PQ || settings.transfer() == v1::TRANSFER_HLG;
 }
 
 absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc, uint32_t max_dimension) {

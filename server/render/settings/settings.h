@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
+#include "server/render/color/gain_curve.h"
 #include "server/render/settings/frame.h"
 #include "server/render/settings/tiers.h"
 #include "shaders/color_table.h"
@@ -39,14 +40,16 @@ class Settings {
   bool wants_histogram() const { return state_->wants_histogram; }
   // Whether max_error_codes has still to choose the tier, for each frame; until then tier() means nothing.
   bool tier_is_open() const { return state_->message.has_max_error_codes() && !state_->tier_is_chosen; }
+  // What makes the image an HDR one; null without gain_map_peak_nits.
+  const std::shared_ptr<const GainCurve>& gain_curve() const { return state_->gain_curve; }
   // The largest difference of a root between neighbours of the client's table, 0 .. TABLE_MAX_ROOT; 0 without
   // one, and without max_error_codes.
   double table_step() const { return state_->table_step; }
 
   // A copy with another tier, which was chosen if there is max_error_codes. `name` must be a tier.
   Settings with_tier(const std::string& name) const;
-  // A copy for a frame that is only metered: without bloom, promises and another size, and with a histogram if
-  // it is wanted.
+  // A copy for a frame that is only metered: without bloom, promises and another size, and with a histogram
+  // if it is wanted.
   Settings for_metering(bool histogram) const;
 
   // A copy that keeps `owner` as long as anyone uses the client's table, which there must be.
@@ -57,6 +60,7 @@ class Settings {
     v1::Settings message;
     const Tier* tier = nullptr;
     std::shared_ptr<const ColorTable> table;
+    std::shared_ptr<const GainCurve> gain_curve;
     std::optional<std::array<float, 9>> to_scene;
     bool wants_histogram = false;
     bool tier_is_chosen = false;
@@ -71,8 +75,11 @@ class Settings {
 // transfer from which the table's values were decoded.
 v1::Transfer output_transfer(const v1::Settings& settings);
 
-// INVALID_ARGUMENT if the metering spot begins outside the frame; RESOURCE_EXHAUSTED if a side of the image has
-// more than `max_dimension` pixels.
+// Whether the image is for an HDR display: complete settings whose transfer is PQ or HLG.
+bool is_hdr(const v1::Settings& settings);
+
+// INVALID_ARGUMENT if the metering spot begins outside the frame; RESOURCE_EXHAUSTED if a side of the image
+// has more than `max_dimension` pixels.
 absl::Status check_settings_for(const Settings& settings, const FrameDesc& desc, uint32_t max_dimension);
 
 }  // namespace candela

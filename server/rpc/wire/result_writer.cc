@@ -85,7 +85,7 @@ v1::MeterResponse meter_response(const RenderedFrame& metered, const Settings& s
 }
 
 bool leaves_out_alpha(const Frame& frame, const WireLayout& layout, const FrameReport& report) {
-  const bool opaque = report.plan.resolve.opaque || !keeps_alpha(*frame.settings);
+  const bool opaque = (report.plan.resolve.opaque || !keeps_alpha(*frame.settings)) && !report.plan.gain;
   return layout.may_leave_out_alpha && opaque && !frame.image_in_memory;
 }
 
@@ -103,6 +103,11 @@ v1::ResultHeader result_header(const Frame& frame, const WireLayout& layout, con
   header.set_target(report.target);
   header.set_target_before_limits(report.target_before_limits);
   header.set_gamut_cut_components(report.gamut_cut_components);
+  if (report.shown) {
+    header.set_max_light_nits(report.shown->largest * frame.settings->peak_nits());
+    header.set_mean_light_nits(report.shown->mean * frame.settings->peak_nits());
+  }
+  if (report.plan.gain) header.set_gain_map_max_log2(report.plan.gain->max_log2());
   header.set_prescale(frame.settings->prescale());
   for (const std::string& line : report.plan.words) header.add_plan(line);
   add_stages(rendered, *header.mutable_stages());

@@ -49,10 +49,16 @@ BEHIND = {  # of render, contact and stream
 }
 DRAWN = {  # of render, contact, stream and view
     "--locked-exposure": lambda c: changes("--locked-exposure shot.json"),
-    "--curve": lambda c: each_word("--curve"),
+    "--curve": lambda c: each_word("--curve", but=("bt2390",)),
     "--curve-white": lambda c: changes("--curve-white 2", "--curve reinhard-extended"),
     "--prescale": lambda c: changes("--prescale 2"),
-    "--transfer": lambda c: each_word("--transfer"),
+    "--transfer": lambda c: each_word("--transfer", but=("pq", "hlg") if c == "contact" else ()),
+    **{option: (lambda c, o=option, v=value, beside=beside: refuses(f"{o} {v}", words="HDR displays") if c == "contact" else changes(
+        f"{o} {v}", beside)) for option, value, beside in (
+            ("--peak", "600", "--transfer pq"), ("--source-peak", "400", "--transfer pq --peak 100"),
+            ("--display-primaries", "p3-d65", "--transfer pq"), ("--limit", "rec2020", "--transfer pq --curve aces-2"))},
+    "--gain-map": lambda c: refuses("--gain-map 1000", words="--gain-map") if c == "contact" else changes(
+        "--gain-map 1000", line=LINES[c].replace(".png", ".jpg")),
     "--tier": lambda c: each_word("--tier", words=("draft", "standard", "reference")),
     "--dither": lambda c: changes("--dither"),
     "--resize": lambda c: both(*(shows(LINES[c].format(f"--resize {size}"), lambda run: {s[0] for s in sizes(run)} == {24}, "not 24 wide")

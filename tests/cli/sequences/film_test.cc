@@ -127,6 +127,33 @@ TEST_F(Films, EachCodecMakesATaggedFilmOfEveryFrame) {
   expect_folder(names);
 }
 
+TEST_F(Films, AnHdrFilmNamesItsDisplay) {
+  struct Case {
+    const char* name;
+    std::vector<std::string> options;
+    std::vector<const char*> facts;
+  };
+  for (const Case& made :
+       std::vector<Case>{{"pq.mp4",
+                          {"--codec", "hevc", "--transfer", "pq"},
+                          {"codec_name=hevc", "pix_fmt=yuv420p10le", "color_space=bt2020nc",
+                           "color_transfer=smpte2084", "color_primaries=bt2020"}},
+                         {"hlg.mov",
+                          {"--codec", "prores", "--transfer", "hlg", "--display-primaries", "p3-d65"},
+                          {"codec_name=prores", "color_space=bt709", "color_transfer=arib-std-b67",
+                           "color_primaries=smpte432"}}}) {
+    const Outcome outcome = candela(with({"stream", in(), film(made.name), "--fps", "24"}, made.options));
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    const std::string about = facts(film(made.name));
+    for (const char* fact : made.facts) EXPECT_TRUE(says(about, fact));
+  }
+  EXPECT_TRUE(says(said("ffprobe -v error -read_intervals %+#1 -show_frames " + film("pq.mp4")),
+                   "max_luminance=10000000/10000"));
+  const Outcome refused =
+      candela({"stream", in(), film("no.mp4"), "--fps", "24", "--transfer", "pq", "--bits", "8"});
+  EXPECT_EQ(refused.code, 2);
+}
+
 // The codecs lose detail, so ProRes is within 2 codes nearly everywhere, and the others are so on average. A
 // wrong matrix or range shifts all of a colour.
 TEST_F(Films, ColoursAreThoseOfThePngs) {

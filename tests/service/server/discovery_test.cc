@@ -65,7 +65,7 @@ TEST_P(Discovery, ServerInfoTellsLimitsFormatsAndTheDevice) {
   EXPECT_EQ(info.formats_size(), 5);
   EXPECT_EQ(info.output_formats_size(), 3);
   EXPECT_EQ(info.curves_size(), v1::ToneCurve_ARRAYSIZE - 1);
-  EXPECT_EQ(info.transfers_size(), 3);
+  EXPECT_EQ(info.transfers_size(), v1::Transfer_ARRAYSIZE - 1);
   EXPECT_EQ(info.limits().max_frame_bytes(), uint64_t{64} << 20);
   EXPECT_EQ(info.limits().max_dimension(), v1::kMaxDimension);
   EXPECT_EQ(info.limits().max_band_bytes(), v1::kMaxBandBytes);

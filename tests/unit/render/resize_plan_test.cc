@@ -32,7 +32,7 @@ TEST(AxisFilter, HasTheWeightsOfLanczosInsideOfTheFrame) {
   for (const auto& [from, to] : kAxes) {
     const AxisFilter filter = axis_filter(from, to);
     if (filter.mean > 0) continue;
-    SCOPED_TRACE(testing::Message() << from << " to " << to);
+    SCOPED_TRACE(::testing::Message() << from << " to " << to);
     const double stretch = std::max(1.0, 1.0 * from / to);
     TexelRange before;
     for (uint32_t i = 0; i < to; ++i) {

@@ -38,7 +38,7 @@ constexpr char kClosing[] =
     R"(
 ## Settings without an option, and options without a setting
 
-`candela` chooses `output_format` by the type of the output file. Without `--alpha` it asks for `straight` for a .png, and for
+`candela` chooses `output_format` by the type of the output file. Without `--alpha` it asks for `straight` for a .png or .avif, and for
 `ignore` if a file's alpha is 0 everywhere although there is light. It sends the primaries that the image's file names, unless
 `--primaries` is given; a message without primaries means `rec709`. Two fields of the message are not in the tables above
 because each is a message of several numbers. `render.proto` describes them.
@@ -73,12 +73,14 @@ std::string default_text(const SettingField& setting) {
   if (setting.field->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_BOOL) {
     return declaration.default_() != 0 ? "on" : "off";
   }
-  if (!declaration.default_word().empty()) return code(declaration.default_word());
-  if (!declaration.has_default_()) return "none";
-  std::string text = format_number(declaration.default_());
+  std::string text = !declaration.default_word().empty() ? code(declaration.default_word())
+                     : declaration.has_default_()        ? format_number(declaration.default_())
+                                                         : "none";
   for (const Setting::Exception& exception : declaration.except()) {
-    if (!exception.has_default_()) continue;
-    absl::StrAppendFormat(&text, "; with `%s` %s", exception.word(), format_number(exception.default_()));
+    if (!exception.has_default_() && exception.default_word().empty()) continue;
+    absl::StrAppendFormat(
+        &text, "; with `%s` %s", exception.word(),
+        exception.has_default_() ? format_number(exception.default_()) : code(exception.default_word()));
   }
   return text;
 }

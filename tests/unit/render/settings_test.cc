@@ -118,7 +118,13 @@ TEST(Settings, EachExceptionNamesAChoiceOfTheSameMessage) {
       const std::vector<std::string> words = enum_words(*choice->enum_type());
       EXPECT_EQ(std::count(words.begin(), words.end(), exception.word()), 1)
           << setting.path << " " << exception.word();
-      EXPECT_TRUE(exception.has_max() || exception.has_default_()) << setting.path;
+      EXPECT_TRUE(exception.has_max() || exception.has_default_() || !exception.default_word().empty())
+          << setting.path;
+      if (!exception.default_word().empty()) {
+        const std::vector<std::string> own = enum_words(*setting.field->enum_type());
+        EXPECT_EQ(std::count(own.begin(), own.end(), exception.default_word()), 1) << setting.path;
+      }
+      if (!setting.is_number()) continue;
       const double max = exception.has_max() ? exception.max() : declaration.max();
       const double initial = exception.has_default_() ? exception.default_() : declaration.default_();
       EXPECT_LT(declaration.min(), max) << setting.path;
@@ -193,6 +199,14 @@ TEST(Settings, AnotherDefaultHoldsWithTheChoiceThatItNames) {
   settings.mutable_bloom()->set_threshold(2);
   ASSERT_OK(complete_settings(settings));
   EXPECT_EQ(settings.bloom().threshold(), 2.0f);
+  Settings hdr;
+  hdr.set_transfer(TRANSFER_PQ);
+  ASSERT_OK(complete_settings(hdr));
+  EXPECT_EQ(hdr.curve(), TONE_CURVE_BT2390);
+  EXPECT_EQ(hdr.peak_nits(), 1000);
+  hdr.set_curve(TONE_CURVE_LINEAR);
+  ASSERT_OK(complete_settings(hdr));
+  EXPECT_EQ(hdr.curve(), TONE_CURVE_LINEAR);
 }
 
 TEST(Settings, WhatIsGivenStaysAsItIs) {
@@ -277,7 +291,7 @@ TEST(Settings, AClientThatKnowsNoSettingLearnsWhatThereIs) {
   const SettingInfo& transfer = known["transfer"];
   EXPECT_EQ(transfer.kind(), SettingInfo::KIND_CHOICE);
   EXPECT_EQ(transfer.declaration().default_word(), "srgb");
-  ASSERT_EQ(transfer.choices_size(), 3);
+  ASSERT_EQ(transfer.choices_size(), 5);
   EXPECT_EQ(transfer.choices(1).word(), "gamma22");
   EXPECT_EQ(transfer.choices(1).number(), TRANSFER_GAMMA22);
   EXPECT_FALSE(transfer.choices(0).summary().empty());

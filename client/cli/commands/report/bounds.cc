@@ -71,8 +71,9 @@ Json judge_stages(const ReportSession& session, const Measured& measured) {
   const auto look = [&](const std::string& name, const Json& row, double pixels) {
     if (row["tier"] != session.bounded_tier() || row.contains("error")) return;
     for (Worst& stage : stages) {
-      const bool too_small = stage.key == stages[4].key && 3 * pixels < kCountedComponents;
-      if (!too_small) stage.look_at(name, row);
+      // The share is of components of 8 bits; an HDR display has 16.
+      const bool is_share = stage.key == stages[4].key;
+      if (!is_share || (3 * pixels >= kCountedComponents && !row.contains("display"))) stage.look_at(name, row);
     }
   };
   const auto pixels = [](const Json& row) {

@@ -43,18 +43,19 @@ double summed_light(const RenderResult& result) {
   return sum;
 }
 
-// Smallest, largest and mean code of R, G and B of an RGBA8 result.
+// Smallest, largest and mean code of R, G and B, in 8 bits.
 Json picture_codes(const RenderResult& result) {
   int least = 255, most = 0;
   double sum = 0;
-  for (size_t i = 0; i < result.bytes; ++i) {
-    if (i % 4 == 3) continue;
-    const int code = std::to_integer<int>(result.data.get()[i]);
-    least = std::min(least, code);
-    most = std::max(most, code);
-    sum += code;
+  for (size_t i = 0; i < pixel_count(result); ++i) {
+    for (size_t k = 0; k < 3; ++k) {
+      const auto code = static_cast<int>(std::lround(255 * component(result, i, k)));
+      least = std::min(least, code);
+      most = std::max(most, code);
+      sum += code;
+    }
   }
-  return {{"min", least}, {"max", most}, {"mean", sum / (static_cast<double>(result.bytes) / 4 * 3)}};
+  return {{"min", least}, {"max", most}, {"mean", sum / (3.0 * static_cast<double>(pixel_count(result)))}};
 }
 
 Json row_of(const std::string& name, const std::string& expected, const Image& frame,
@@ -71,13 +72,15 @@ Json failed(Json row, const absl::Status& status) {
   return row;
 }
 
-// Renders a frame twice: verified as codes, and as floats to check that every value is finite.
+// Renders a frame twice: verified as codes, and as floats to check that every value is finite. An HDR display
+// has no floats.
 Json verified_row(const ReportSession& session, Json row, v1::Settings settings, const Image& frame,
                   const std::optional<v1::ExposureState>& previous) {
   const absl::StatusOr<RenderResult> codes =
       session.render(settings, frame, {.verify = true, .error_map = false, .previous = previous});
   if (!codes.ok()) return failed(std::move(row), codes.status());
-  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  if (codes->header.format() == v1::OUTPUT_FORMAT_RGBA8)
+    settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
   const absl::StatusOr<RenderResult> floats =
       session.render(settings, frame, {.verify = false, .error_map = false, .previous = previous});
   if (!floats.ok()) return failed(std::move(row), floats.status());
@@ -244,14 +247,28 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
   Json rows = Json::array();
   for (const int value : session.info().curves()) {
     // The error of a table is not the error of a stage: docs/pipeline.md gives that of aces-1 by table size,
-    // and a client's table is the client's choice.
-    if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE) continue;
+    // and a client's table is the client's choice. BT2390 is for HDR displays.
+    if (value == v1::TONE_CURVE_ACES_1 || value == v1::TONE_CURVE_TABLE || value == v1::TONE_CURVE_BT2390)
+      continue;
     const std::string word = v1::word_of(static_cast<v1::ToneCurve>(value));
     session.show("curve: " + word);
     v1::Settings settings = ReportSession::settings(session.bounded_tier());
     settings.set_curve(static_cast<v1::ToneCurve>(value));
     Json row = row_of("sample scene, " + word, "the curve's own", frame, settings.tier());
     rows.push_back(verified_row(session, std::move(row), settings, frame, std::nullopt));
+  }
+  if (!session.curve("bt2390")) return rows;  // an older server
+  for (const v1::ToneCurve curve : {v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_ACES_2}) {
+    for (const v1::Transfer transfer : {v1::TRANSFER_PQ, v1::TRANSFER_HLG}) {
+      const std::string words = absl::StrCat(v1::word_of(curve), " in ", v1::word_of(transfer));
+      session.show("curve: " + words);
+      v1::Settings settings = ReportSession::settings(session.bounded_tier());
+      settings.set_curve(curve);
+      settings.set_transfer(transfer);
+      Json row = row_of("sample scene, " + words, "the curve's own", frame, settings.tier());
+      row["display"] = v1::word_of(transfer);
+      rows.push_back(verified_row(session, std::move(row), settings, frame, std::nullopt));
+    }
   }
   return rows;
 }

@@ -27,7 +27,8 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
 // The file of an error map in that folder; images are counted from 1.
 std::string error_map_name(size_t image, const std::string& tier);
 
-// `curves`: every curve of the server on a small sample scene at bounded_tier().
+// `curves`: every curve of the server on a small sample scene at bounded_tier(), and those of HDR displays in
+// PQ and HLG.
 absl::StatusOr<Json> measure_curves(const ReportSession& session);
 
 }  // namespace candela

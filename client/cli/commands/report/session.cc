@@ -82,12 +82,19 @@ double device_ms(const Stages& stages) {
   return ms;
 }
 
-size_t pixel_count(const RenderResult& result) { return result.bytes / 8; }
+size_t pixel_count(const RenderResult& result) {
+  return size_t{result.header.width()} * result.header.height();
+}
 
 float component(const RenderResult& result, size_t i, size_t k) {
+  const std::byte* const values = result.data.get();
+  if (result.header.format() == v1::OUTPUT_FORMAT_RGBA8) {
+    return static_cast<float>(std::to_integer<int>(values[i * 4 + k])) / 255;
+  }
   uint16_t bits = 0;
-  std::memcpy(&bits, result.data.get() + (i * 4 + k) * sizeof bits, sizeof bits);
-  return imath_half_to_float(bits);
+  std::memcpy(&bits, values + (i * 4 + k) * sizeof bits, sizeof bits);
+  return result.header.format() == v1::OUTPUT_FORMAT_RGBA16 ? static_cast<float>(bits) / 65535
+                                                            : imath_half_to_float(bits);
 }
 
 }  // namespace candela

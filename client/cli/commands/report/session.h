@@ -65,7 +65,7 @@ using Stages = google::protobuf::RepeatedPtrField<v1::StageTime>;
 bool is_device_stage(const v1::StageTime& stage);
 double device_ms(const Stages& stages);
 
-// The size of an RGBA16F result in pixels, and component `k` of its pixel `i`.
+// The size of a result in pixels, and component `k` of its pixel `i`; codes are 0 .. 1.
 size_t pixel_count(const RenderResult& result);
 float component(const RenderResult& result, size_t i, size_t k);
 

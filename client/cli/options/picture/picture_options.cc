@@ -16,7 +16,9 @@
 #include "client/cli/options/picture/view_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
+#include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
+#include "server/encode/color_words.h"
 #include "server/encode/image_file.h"
 
 namespace candela {
@@ -181,8 +183,34 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
   return finish_picture_options(options, arguments, output, **found);
 }
 
+namespace {
+
+// An image for an HDR display has 16 bits on the wire, and its file names its transfer.
+absl::Status check_hdr_output(const std::string& transfer, int bits, const std::string& output,
+                              const OutputEncoding& encoding) {
+  if (!encoding.has_hdr()) {
+    return usage_error(absl::StrFormat("--transfer %s: %s has no word for it; write %s", transfer, output,
+                                       extensions_with(&OutputEncoding::has_hdr)));
+  }
+  if (bits == 8) {
+    return usage_error(
+        absl::StrFormat("--bits 8: --transfer %s would show bands with 8 bits; leave it out", transfer));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
 absl::Status finish_picture_options(PictureOptions& options, const PictureArguments& arguments,
                                     const std::string& output, const OutputEncoding& encoding) {
+  if (options.settings.has_gain_map_peak_nits() && encoding.server != v1::ENCODING_JPEG) {
+    return usage_error(absl::StrFormat("--gain-map is for .jpg; %s has no gain map", output));
+  }
+  const bool hdr = is_hdr(encoded_transfer(options.settings));
+  if (hdr) {
+    RETURN_IF_ERROR(
+        check_hdr_output(v1::word_of(options.settings.transfer()), arguments.bits, output, encoding));
+  }
   if (arguments.bits == 10 && !encoding.needs_16_bits()) {
     return usage_error(absl::StrFormat("--bits 10 is for y4m and films; %s has another depth", output));
   }
@@ -195,12 +223,13 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
                                        extensions_with(&OutputEncoding::has_quality), output));
   }
   options.settings.set_output_format(encoding.holds_light() ? v1::OUTPUT_FORMAT_RGBA16F
-                                     : arguments.bits == 16 || encoding.needs_16_bits()
+                                     : hdr || arguments.bits == 16 || encoding.needs_16_bits()
                                          ? v1::OUTPUT_FORMAT_RGBA16
                                          : v1::OUTPUT_FORMAT_RGBA8);
   choose_alpha(options, encoding, output);
   options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
   options.write.transfer = encoded_transfer(options.settings);
+  options.write.hdr = hdr_display(options.settings, 0, 0);
   if (arguments.quality != 0) options.write.jpeg_quality = arguments.quality;
   RETURN_IF_ERROR(finish_view_options(options, output, encoding.holds_codes()));
   return check_settings_options(options.settings);

@@ -249,17 +249,27 @@ void add_switch(CLI::App& app, const SettingField& setting, Message& holder) {
            });
 }
 
+// " (default aces-hill; pq: bt2390)"
+std::string default_choice_words(const v1::Setting& declaration) {
+  std::vector<std::string> parts;
+  if (!declaration.default_word().empty()) parts.push_back("default " + declaration.default_word());
+  for (const v1::Setting::Exception& exception : declaration.except()) {
+    parts.push_back(absl::StrCat(exception.word(), ": ", exception.default_word()));
+  }
+  return parts.empty() ? "" : absl::StrCat(" (", absl::StrJoin(parts, "; "), ")");
+}
+
 void add_choice(CLI::App& app, const SettingField& setting, Message& holder) {
   const v1::Setting& declaration = setting.declaration();
   const google::protobuf::EnumDescriptor& type = *setting.field->enum_type();
-  add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
-           absl::StrFormat("%s: %s (default %s)", declaration.help(), choice_help(type),
-                           declaration.default_word()),
-           [&setting, &type, &holder](const std::string& word) {
-             const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
-             if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
-             return value.status();
-           });
+  add_text(
+      app, declaration.group(), "--" + declaration.flag(), "NAME",
+      absl::StrFormat("%s: %s%s", declaration.help(), choice_help(type), default_choice_words(declaration)),
+      [&setting, &type, &holder](const std::string& word) {
+        const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
+        if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
+        return value.status();
+      });
 }
 
 void add_word(CLI::App& app, const SettingField& setting, Message& holder) {

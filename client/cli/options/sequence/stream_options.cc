@@ -141,7 +141,8 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_view_options(app, options);
   add_image_options(app, arguments.picture, /*with_film=*/true);
   add_text(app, kOutputSection, "--pipe", "y4m|y4m444|pam",
-           "What standard output gets: y4m of limited range and the matrix of BT.709, with chroma of 4:2:0 "
+           "What standard output gets: y4m of limited range and the matrix of BT.709 (pq and hlg: BT.2020), "
+           "with chroma of 4:2:0 "
            "(y4m, the default) or 4:4:4; or PAM (ffmpeg -f pam_pipe -i -). What a film is made from: y4m, "
            "which needs even sizes, or y4m444",
            arguments.pipe);

@@ -23,7 +23,7 @@ namespace shared {
 using namespace glsl;    // NOLINT: GLSL has no namespaces
 using namespace shader;  // NOLINT
 
-template <uint32_t CURVE, uint32_t TRANSFER, uint32_t TRANSFER_TERMS>
+template <uint32_t CURVE, uint32_t TRANSFER, uint32_t TRANSFER_TERMS, uint32_t DISPLAY = DISPLAY_REC709>
 struct Look {
   const ResolveParams& p;
   const utextureBuffer table_points;
@@ -40,6 +40,13 @@ struct Straight {
 #include "server/render/host/lanes/glsl-end.h"
 };
 
+struct Gain {
+  const utextureBuffer gain_points;
+#include "server/render/host/lanes/glsl-begin.h"
+#include "shaders/glsl/gain.glsl"
+#include "server/render/host/lanes/glsl-end.h"
+};
+
 struct Dither {
 #include "server/render/host/lanes/glsl-begin.h"
 #include "shaders/glsl/dither.glsl"
@@ -51,10 +58,10 @@ struct Dither {
 // Everything that a stage calls is inlined into its loop.
 #define CANDELA_STAGE HWY_NOINLINE HWY_FLATTEN
 
-template <uint32_t kCurve>
+template <uint32_t kCurve, uint32_t kDisplay = shader::DISPLAY_REC709>
 CANDELA_STAGE void show_curve(const RowPart& part, Chunk& chunk) {
   const ResolveJob& job = part.job;
-  shared::Look<kCurve, shader::TRANSFER_LINEAR, 8> look{job.params, {job.table, job.table_points}};
+  shared::Look<kCurve, shader::TRANSFER_LINEAR, 8, kDisplay> look{job.params, {job.table, job.table_points}};
   const bool wide = job.constants.wide != 0;  // only then is light negative
   const uint32_t count = part.count;
   for (uint32_t i = 0; i < count; i += kLanes) {
@@ -140,9 +147,9 @@ inline void show_agx(const RowPart& part, Chunk& chunk) {
   agx_shape_stage(part, chunk);
 }
 
-template <uint32_t kTransfer, uint32_t kTerms>
+template <uint32_t kTransfer, uint32_t kTerms = 8, uint32_t kDisplay = shader::DISPLAY_REC709>
 CANDELA_STAGE void show_transfer(const RowPart& part, Chunk& chunk) {
-  shared::Look<shader::CURVE_LINEAR, kTransfer, kTerms> look{part.job.params, {}};
+  shared::Look<shader::CURVE_LINEAR, kTransfer, kTerms, kDisplay> look{part.job.params, {}};
   for (uint32_t i = 0; i < part.count; i += kLanes) chunk.set_rgb(i, look.encode(chunk.rgb(i)));
 }
 
@@ -150,8 +157,25 @@ CANDELA_STAGE inline void show_srgb(const RowPart& part, Chunk& chunk) {
   each_component(part, chunk, [](F y) HWY_ATTR { return srgb(y); });
 }
 
-inline Stage curve_stage(uint32_t curve) {
-  switch (curve) {
+CANDELA_STAGE inline void p3_in_rec2020(const RowPart& part, Chunk& chunk) {
+  shared::Look<shader::CURVE_LINEAR, shader::TRANSFER_LINEAR, 8> look{part.job.params, {}};
+  for (uint32_t i = 0; i < part.count; i += kLanes) chunk.set_rgb(i, look.p3_in_rec2020(chunk.rgb(i)));
+}
+inline void show_aces2_of_p3_in_rec2020(const RowPart& part, Chunk& chunk) {
+  show_aces2(part, chunk);
+  p3_in_rec2020(part, chunk);
+}
+
+template <uint32_t kCurve>
+Stage stage_for_display(uint32_t display) {
+  if (display == shader::DISPLAY_REC2020) return show_curve<kCurve, shader::DISPLAY_REC2020>;
+  if (display == shader::DISPLAY_P3_D65) return show_curve<kCurve, shader::DISPLAY_P3_D65>;
+  return show_curve<kCurve>;
+}
+
+inline Stage curve_stage(const shader::ResolveConstants& constants) {
+  const uint32_t display = constants.display;
+  switch (constants.curve) {
     case shader::CURVE_REINHARD:
       return show_curve<shader::CURVE_REINHARD>;
     case shader::CURVE_ACES_NARKOWICZ:
@@ -174,20 +198,36 @@ inline Stage curve_stage(uint32_t curve) {
     case shader::CURVE_TABLE_AP1:
       return show_table<shader::CURVE_TABLE_AP1>;
     case shader::CURVE_ACES_2:
-      return show_aces2;
+      return constants.limit == display ? show_aces2 : show_aces2_of_p3_in_rec2020;
+    case shader::CURVE_BT2390:
+      return stage_for_display<shader::CURVE_BT2390>(display);
     default:
-      return show_curve<shader::CURVE_LINEAR>;
+      return stage_for_display<shader::CURVE_LINEAR>(display);
   }
 }
 
 inline void no_stage(const RowPart&, Chunk&) {}
 
-inline Stage transfer_stage(uint32_t transfer, uint32_t terms) {
-  if (transfer == shader::TRANSFER_GAMMA22) return show_transfer<shader::TRANSFER_GAMMA22, 8>;
+inline Stage transfer_stage(const shader::ResolveConstants& constants) {
+  const uint32_t transfer = constants.transfer;
+  if (transfer == shader::TRANSFER_GAMMA22) return show_transfer<shader::TRANSFER_GAMMA22>;
+  if (transfer == shader::TRANSFER_PQ) return show_transfer<shader::TRANSFER_PQ>;
+  if (transfer == shader::TRANSFER_HLG) {
+    return constants.display == shader::DISPLAY_P3_D65
+               ? show_transfer<shader::TRANSFER_HLG, 8, shader::DISPLAY_P3_D65>
+               : show_transfer<shader::TRANSFER_HLG, 8, shader::DISPLAY_REC2020>;
+  }
   if (transfer != shader::TRANSFER_SRGB) return no_stage;
   // Six terms differ from the exact curve by more than a code of 16 bits, so both executors take the same
   // ones.
-  return terms == 6 ? show_transfer<shader::TRANSFER_SRGB, 6> : show_srgb;
+  return constants.transfer_terms == 6 ? show_transfer<shader::TRANSFER_SRGB, 6> : show_srgb;
+}
+
+// Alpha becomes the code of the gain map, of exposed light.
+CANDELA_STAGE inline void show_gain(const RowPart& part, Chunk& chunk) {
+  shared::Gain gain{{part.job.gain, shader::GAIN_PIECES}};
+  const uint32_t count = part.count;
+  for (uint32_t i = 0; i < count; i += kLanes) chunk.set_alpha(i, gain.gain_code(chunk.rgb(i)));
 }
 
 // Splits exposed light: `chunk` keeps the object's, divided by alpha, and `own` takes the rest.

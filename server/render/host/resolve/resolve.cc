@@ -22,13 +22,14 @@ class Resolve {
       : job_(job),
         load_(is_usual(job) ? load_exposed_stage(job.constants) : load_stage(job.constants)),
         expose_(is_usual(job) ? no_stage : expose_stage(job.constants)),
-        curve_(curve_stage(job.constants.curve)),
-        transfer_(transfer_stage(job.constants.transfer, job.constants.transfer_terms)),
+        curve_(curve_stage(job.constants)),
+        transfer_(transfer_stage(job.constants)),
         write_(write_stage(job.constants.output_format, job.constants.dither != 0)),
-        counts_(job.constants.wide != 0 && job.constants.output_format != shader::OUTPUT_FLOAT) {
+        counts_(job.constants.wide != 0 && job.constants.output_format != shader::OUTPUT_FLOAT),
+        measures_(counts_ && job.constants.display != shader::DISPLAY_REC709) {
     if (job.constants.alpha != shader::ALPHA_STRAIGHT) return;
     std::memset(black_.c, 0, sizeof black_.c);
-    show({job, 0, 0, kLanes, {}}, black_);
+    show({job, 0, 0, kLanes, {}}, black_, nullptr);
   }
 
   void make(const RowPart& part, ResolveFound& found) const {
@@ -39,26 +40,29 @@ class Resolve {
     if (counts_) count_cut(part, chunk, found);
     const uint32_t alpha = job_.constants.alpha;
     if (alpha != shader::ALPHA_ASSOCIATED) settle_alpha(part, chunk);
+    if (job_.gain != nullptr) show_gain(part, chunk);
     if (alpha == shader::ALPHA_STRAIGHT) {
-      show_straight(part, chunk);
+      show_straight(part, chunk, found);
     } else {
-      show(part, chunk);
+      show(part, chunk, &found);
     }
     write_(part, chunk);
   }
 
  private:
-  void show(const RowPart& part, Chunk& chunk) const {
+  // Notes in `found` how bright the light is, unless it is null.
+  void show(const RowPart& part, Chunk& chunk, ResolveFound* found) const {
     curve_(part, chunk);
+    if (measures_ && found != nullptr) note_shown(part, chunk, *found);
     transfer_(part, chunk);
   }
 
-  void show_straight(const RowPart& part, Chunk& chunk) const {
+  void show_straight(const RowPart& part, Chunk& chunk, ResolveFound& found) const {
     Chunk own;
     split_straight(part, chunk, own);
     Chunk own_shown = own;
-    show(part, chunk);
-    show(part, own_shown);
+    show(part, chunk, &found);
+    show(part, own_shown, nullptr);
     join_straight(part, chunk, own, own_shown, black_);
   }
 
@@ -69,6 +73,7 @@ class Resolve {
   const Stage transfer_;
   const Stage write_;
   const bool counts_;
+  const bool measures_;
   Chunk black_;  // its first register is how no light is shown; only for straight alpha
 };
 

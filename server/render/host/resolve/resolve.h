@@ -20,6 +20,7 @@ struct ResolveJob {
   LevelPlanes level{};              // B_0; none without bloom
   const uint32_t* table = nullptr;  // the colour table's points, as table.glsl reads them
   uint32_t table_points = 0;
+  const uint32_t* gain = nullptr;  // the gain map's pieces, as gain.glsl reads them
   std::byte* output = nullptr;
 };
 
@@ -27,6 +28,8 @@ struct ResolveJob {
 struct ResolveFound {
   uint64_t gamut_cut_components = 0;
   uint32_t negative_light_bits = 0;
+  uint32_t shown_max_bits = 0;
+  uint64_t shown_sum = 0;  // in units of 1 / SHOWN_SCALE
 };
 
 // Makes rows first <= y < last. Any thread. The bits do not depend on how the rows are split. Needs

@@ -49,11 +49,13 @@ void run_groups(const ResolveJob& job, const std::vector<Box>& groups, Crew& cre
     const absl::MutexLock lock(&mutex);
     drawn->gamut_cut_components += found.gamut_cut_components;
     drawn->negative_light = std::max(drawn->negative_light, std::bit_cast<float>(found.negative_light_bits));
+    drawn->shown.largest = std::max<double>(drawn->shown.largest, std::bit_cast<float>(found.shown_max_bits));
+    drawn->shown.mean += static_cast<double>(found.shown_sum) / shader::SHOWN_SCALE;  // a sum until the end
   });
 }
 
-Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
-          const Buffer& output, std::byte* tight_output, uint32_t format, Crew& crew) {
+Drawn run(const ResolveStep& step, const Tables& tables, const FrameTextures& textures, const Buffer& output,
+          std::byte* tight_output, uint32_t format, Crew& crew) {
   ResolveJob job = {.constants = step.inputs.constants, .params = step.inputs.params, .opaque = step.opaque};
   job.constants.output_format = format;
   const bool resized = job.constants.pixels == shader::PIXELS_SCENE;
@@ -63,9 +65,13 @@ Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTexture
     job.output = tight_output;
     job.params.output_pitch = job.params.frame.width;
   }
-  if (points != nullptr) {
-    job.table = points->data()->data();
-    job.table_points = static_cast<uint32_t>(points->size());
+  if (tables.colors != nullptr) {
+    job.table = tables.colors->data()->data();
+    job.table_points = static_cast<uint32_t>(tables.colors->size());
+  }
+  if (tables.gain != nullptr) {
+    job.gain = tables.gain->data()->data();
+    job.opaque = false;  // alpha is the map's code
   }
   Drawn drawn;
   if (!step.bloom_groups.empty()) {
@@ -74,20 +80,20 @@ Drawn run(const ResolveStep& step, const TablePoints* points, const FrameTexture
   }
   job.constants.bloom = shader::BLOOM_NONE;
   run_groups(job, step.plain_groups, crew, &drawn);
+  drawn.shown.mean /= double{1} * job.params.frame.width * job.params.frame.height;
   return drawn;
 }
 
 }  // namespace
 
-Drawn run_resolve(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
+Drawn run_resolve(const ResolveStep& step, const Tables& tables, const FrameTextures& textures,
                   std::byte* tight_output, Crew& crew) {
-  return run(step, points, textures, textures.output.buffer(), tight_output,
+  return run(step, tables, textures, textures.output.buffer(), tight_output,
              static_cast<uint32_t>(textures.layout.output_format), crew);
 }
 
-void run_exact(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
-               Crew& crew) {
-  run(step, points, textures, textures.exact.buffer(), nullptr, shader::OUTPUT_FLOAT, crew);
+void run_exact(const ResolveStep& step, const Tables& tables, const FrameTextures& textures, Crew& crew) {
+  run(step, tables, textures, textures.exact.buffer(), nullptr, shader::OUTPUT_FLOAT, crew);
 }
 
 }  // namespace candela::host

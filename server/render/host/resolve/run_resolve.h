@@ -14,12 +14,18 @@ namespace candela::host {
 
 using TablePoints = std::vector<TablePoint>;
 
-// Makes the image, tight at `tight_output`, or in the `output` texture if that is null. `points`: those of
-// the colour table; null if the curve has none. Needs instruction_set().
-Drawn run_resolve(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures,
+// The points of the colour table and the pieces of the gain map; null if there is none.
+struct Tables {
+  const TablePoints* colors = nullptr;
+  const TablePoints* gain = nullptr;
+};
+
+// Makes the image, tight at `tight_output`, or in the `output` texture if that is null. Needs
+// instruction_set().
+Drawn run_resolve(const ResolveStep& step, const Tables& tables, const FrameTextures& textures,
                   std::byte* tight_output, Crew& crew);
 
 // The same, unquantised, into the `exact` texture.
-void run_exact(const ResolveStep& step, const TablePoints* points, const FrameTextures& textures, Crew& crew);
+void run_exact(const ResolveStep& step, const Tables& tables, const FrameTextures& textures, Crew& crew);
 
 }  // namespace candela::host

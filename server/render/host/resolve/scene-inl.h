@@ -31,8 +31,11 @@ HWY_NOINLINE void load_scene(const RowPart& part, Chunk& chunk) {
   const shader::ResolveConstants& constants = part.job.constants;
   const Input input = {part.job.params.frame, kPixels, constants.matrix != 0, constants.scrub != 0};
   const bool wide = constants.wide != 0;
+  const bool unrounded = constants.unrounded != 0;
   load_each<kPixels>(part, [&](uint32_t i, Pixels c) HWY_ATTR {
-    if constexpr (!kExact) c = wide ? ingest_wide(input, c) : ingest(input, c);
+    if constexpr (!kExact) {
+      c = unrounded ? ingest_unrounded(input, c) : wide ? ingest_wide(input, c) : ingest(input, c);
+    }
     chunk.set_rgb(i, {c.r, c.g, c.b});
     chunk.set_alpha(i, c.a);
   });
@@ -86,8 +89,8 @@ HWY_NOINLINE void expose(const RowPart& part, Chunk& chunk) {
 // is below 2^16, and bloom is at most ten times that.
 inline bool is_usual(const ResolveJob& job) {
   const shader::ResolveConstants& c = job.constants;
-  return job.opaque && c.pixels == shader::PIXELS_RGBA16F && c.matrix == 0 && c.scrub == 0 && c.wide == 0 &&
-         job.params.exposure <= 0x1p32f;
+  return job.opaque && job.gain == nullptr && c.pixels == shader::PIXELS_RGBA16F && c.matrix == 0 &&
+         c.scrub == 0 && c.wide == 0 && job.params.exposure <= 0x1p32f;
 }
 
 // load_scene() and expose() in one loop, for what is_usual(). It leaves alpha as it is.

@@ -1,0 +1,15 @@
+// The settings of HDR displays and of gain maps. Pure.
+#pragma once
+
+#include "absl/status/status.h"
+#include "candela/v1/render.pb.h"
+
+namespace candela {
+
+// INVALID_ARGUMENT names what does not go together, and what does. Of complete settings.
+absl::Status check_hdr_display(const v1::Settings& settings);
+
+// The gamut that aces-2 keeps to on an HDR display.
+v1::Primaries limit_of(const v1::Settings& settings);
+
+}  // namespace candela
