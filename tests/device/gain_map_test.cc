@@ -47,6 +47,47 @@ TEST(GainCurve, HasThePublishedShoulders) {
   }
 }
 
+double pq_of(double nits) {
+  const double y = std::pow(nits / 10000, 2610 / 16384.0);
+  return std::pow((107 / 128.0 + 2413 / 128.0 * y) / (1 + 2392 / 128.0 * y), 2523 / 32.0);
+}
+
+double nits_of(double pq) {
+  const double p = std::pow(pq, 32 / 2523.0);
+  return 10000 * std::pow(std::max(p - 107 / 128.0, 0.0) / (2413 / 128.0 - 2392 / 128.0 * p), 16384 / 2610.0);
+}
+
+// The page's formula again, for aces-hill at 1000 nit. Greys stay grey but for the last digits of its
+// matrices.
+TEST(GainCurve, IsTheFormulaOfThePage) {
+  const GainCurve& curve = curve_of(with_map(v1::TONE_CURVE_ACES_HILL));
+  const double most = pq_of(1000), knee = 1.5 * most - 0.5;
+  for (const double n : {0.3, 0.5, 0.7, 1.0, 2.0, 5.0, 9.0, 20.0, 60.0, 500.0}) {
+    const double sdr = (n * (n + 0.0245786) - 0.000090537) / (n * (0.983729 * n + 0.4329510) + 0.238081);
+    double hdr = .750526 * n * 203;
+    if (const double e = std::min(pq_of(std::min(hdr, 1e4)), 1.0); e >= knee) {
+      const double t = (e - knee) / (1 - knee);
+      hdr = nits_of((1 + 2 * t) * (1 - t) * (1 - t) * knee + t * (1 - t) * (1 - t) * (1 - knee) +
+                    t * t * (3 - 2 * t) * most);
+    }
+    const double gain = n > .4574 ? std::max(0.0, std::log2(hdr / 203 / std::min(sdr, 1.0))) : 0;
+    EXPECT_NEAR(curve.log2_gain(n), gain, 2e-3) << n;
+  }
+}
+
+// A film's black is above 0, and so is that of many looks: the dark keeps its SDR light all the same.
+TEST(GainCurve, ALiftedBlackOpensNoShadows) {
+  std::vector<float> rgb = lattice_light(33, shader::AXES_REC709, 32);
+  for (float& v : rgb) v = 0.01f + 0.95f * std::max(v, 0.0f) / (std::max(v, 0.0f) + 0.6f);
+  v1::Settings settings = with_map(v1::TONE_CURVE_TABLE);
+  *settings.mutable_table() = to_message(make_color_table(33, shader::AXES_REC709, 32, rgb));
+  const GainCurve& curve = curve_of(settings);
+  EXPECT_LE(curve.log2_gain(0.01), 0.1);
+  EXPECT_LE(curve.log2_gain(0.18), 0.5);
+  EXPECT_GT(curve.log2_gain(20), 1.5);
+  EXPECT_LE(curve.max_log2(), std::log2(1000 / 203.0) + 0.3);
+}
+
 // It begins at 0, never falls on the way up to where the curve is flat, and ends at the display's peak.
 TEST(GainCurve, EndsAtTheDisplaysPeak) {
   for (const double peak : {203.0, 400.0, 1000.0, 10000.0}) {
