@@ -5,6 +5,7 @@
 
 #include "client/image/encodings.h"
 #include "client/run/picture/error_map.h"
+#include "client/run/picture/file_error.h"
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
 #include "client/run/picture/picture_size.h"
@@ -68,6 +69,11 @@ absl::Status PictureRun::write(const Image& picture) {
                        : write_image(report_.output, picture, options));
   add_stage("write", ms_since(begin));
   add_notes(std::move(notes));
+  const auto encoding = output_encoding(report_.output);
+  if (verify_.verify && report_.output != "-" && encoding.ok() && (*encoding)->lossy) {
+    events_.begins("verifying " + report_.output);
+    ASSIGN_OR_RETURN(report_.file_error, error_of_file(report_.output, picture));
+  }
   return absl::OkStatus();
 }
 

@@ -82,6 +82,12 @@ void add_verification(const RenderReport& report, const std::function<void(const
   if (report.view_error) line("verify", view_error_words(*report.view_error));
   line(report.view_error ? "" : "verify",
        absl::StrFormat("error against %s: %s", truth_words(report.tone_curve), errors(v)));
+  if (report.file_error) {
+    line("", absl::StrFormat("the file's own loss: at most %s codes, p99.9 %s, mean %s",
+                             in_digits(report.file_error->max_codes, 3),
+                             in_digits(report.file_error->p999_codes, 3),
+                             in_digits(report.file_error->mean_codes, 3)));
+  }
   if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
     line("", absl::StrFormat("%s %% of the components differ once quantised",
                              in_digits(100 * v.differing_components(), 3)));
@@ -257,6 +263,11 @@ std::string to_json(const RenderReport& report) {
     frame["verify_unrounded"] = to_json(header.verify_unrounded(), report.tone_curve);
   }
   if (report.view_error) frame["verify_view"] = to_json(*report.view_error);
+  if (report.file_error) {
+    frame["verify_file"] = {{"max_error_codes", report.file_error->max_codes},
+                            {"p999_error_codes", report.file_error->p999_codes},
+                            {"mean_error_codes", report.file_error->mean_codes}};
+  }
   if (!report.error_map.empty()) {
     frame["error_map"] = {{"file", report.error_map},
                           {"least_codes", kLeastErrorCodes},

@@ -80,7 +80,8 @@ absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutp
 // without --ocio; from is --ocio or $OCIO), gamut_cut_components, plan, stage_ms, total_ms, notes. A verified
 // frame also has verify and verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes,
 // worst_pixel [x, y], differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view
-// {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with
+// {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, of a
+// JPEG or AVIF file verify_file {max_error_codes, p999_error_codes, mean_error_codes}, and with
 // --error-map it has error_map {file, least_codes, most_codes, scale}. Numbers read back to the same bits. An
 // infinite number becomes null.
 std::string to_json(const RenderReport& report);

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -150,6 +151,23 @@ TEST_F(HdrOutput, AJpegMayHaveAGainMap) {
     EXPECT_EQ(refused.code, 2) << refused.err;
   }
   EXPECT_EQ(candela({"render", wide, path("no.jpg"), "--gain-map", "100"}).code, 2);
+}
+
+// The parts of an error: of the image, and of a file that loses detail.
+TEST_F(HdrOutput, VerifySaysWhatAFileLoses) {
+  const std::string wide = path("wide.exr");
+  ASSERT_EQ(candela({"sample", wide, "--size", "160x90", "-q"}).code, 0);
+  double before = 0;
+  for (const auto& [file, quality, most] : {std::tuple("a.avif", "100", 1.5), std::tuple("a.jpg", "98", 12.0),
+                                            std::tuple("b.jpg", "30", 255.0)}) {
+    const auto report = candela_json({"render", wide, path(file), "--verify", "--quality", quality});
+    EXPECT_LE(report["verify"]["max_error_codes"], 0.5);
+    const double mean = report["verify_file"]["mean_error_codes"];
+    EXPECT_LE(report["verify_file"]["max_error_codes"], most) << file;
+    EXPECT_GT(mean, before) << file;
+    before = mean;
+  }
+  EXPECT_FALSE(candela_json({"render", wide, path("c.png"), "--verify"}).contains("verify_file"));
 }
 
 TEST_F(HdrOutput, WhatDoesNotGoTogetherIsRefused) {
