@@ -28,7 +28,6 @@ double hue_at(double place) {
   return std::fmod(degrees, 360.0);
 }
 
-constexpr double kHdrPeaks[] = {500, 1000, 2000, 4000};
 constexpr double kReferenceNits = 100.0;  // of Aces2's 1.0
 
 // The transform for a display, and its table.
@@ -43,12 +42,12 @@ struct Made {
 
 const Made& made_for(const Aces2Display& display) {
   // That of SDR, and for each peak those of P3-D65 and of Rec.2020.
-  static std::array<std::once_flag, 1 + 2 * std::size(kHdrPeaks)> once;
+  static std::array<std::once_flag, 1 + 2 * std::size(kAces2HdrPeaks)> once;
   static std::array<const Made*, std::size(once)> made;
   size_t i = 0;
   if (display.limit != v1::PRIMARIES_REC709) {
     CHECK(aces_2_has_peak(display.peak_nits));
-    const auto peak = std::ranges::find(kHdrPeaks, display.peak_nits) - std::begin(kHdrPeaks);
+    const auto peak = std::ranges::find(kAces2HdrPeaks, display.peak_nits) - std::begin(kAces2HdrPeaks);
     i = 1 + 2 * static_cast<size_t>(peak) + (display.limit == v1::PRIMARIES_REC2020 ? 1 : 0);
   }
   std::call_once(once[i], [&] { made[i] = new Made(display); });
@@ -56,8 +55,6 @@ const Made& made_for(const Aces2Display& display) {
 }
 
 }  // namespace
-
-bool aces_2_has_peak(double peak_nits) { return std::ranges::count(kHdrPeaks, peak_nits) > 0; }
 
 std::array<double, 3> aces_2(const std::array<double, 3>& exposed, const Aces2Display& display) {
   static constexpr double kToAp1[] = {TABLE_FROM_SCENE_AP1};

@@ -2,6 +2,7 @@
 // section 5).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <memory>
 
@@ -16,8 +17,9 @@ struct Aces2Display {
   v1::Primaries limit = v1::PRIMARIES_REC709;  // its light is within their gamut, and in them
 };
 
-// Whether the Academy has published it for HDR displays of this peak: 500, 1000, 2000 and 4000 nit.
-bool aces_2_has_peak(double peak_nits);
+// The peaks of HDR displays for which the Academy has published it, in nit.
+inline constexpr double kAces2HdrPeaks[] = {500, 1000, 2000, 4000};
+constexpr bool aces_2_has_peak(double peak_nits) { return std::ranges::count(kAces2HdrPeaks, peak_nits) > 0; }
 
 // Exposed scene light (Rec.709, linear, outside of its gamut also negative) to display-linear light, 0 .. 1
 // at the peak, in double precision. Light outside of ACES AP1 is cut to it. An HDR display has the limit
