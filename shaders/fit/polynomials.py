@@ -36,6 +36,10 @@ def angle_over_tangent(s):
     return math.atan(math.sqrt(s)) / math.sqrt(s) if s > 0 else 1.0
 
 
+def log2_over(z):
+    return math.log1p(z) / z / math.log(2) if abs(z) > 1e-12 else 1 / math.log(2)
+
+
 # File, function, argument, sum that the statements build up, the true function, the interval, and the unit of
 # the error as a multiple of the polynomial's value.
 POLYNOMIALS = [
@@ -45,6 +49,7 @@ POLYNOMIALS = [
     ("glsl/log2.glsl", "float exact_exp2", "f", "r", lambda f: 2**f, (0, 1), 1),
     ("glsl/transfer.glsl", "vec3 srgb_6", "s", "high", lambda s: srgb_codes(s**2), (KNEE ** (1 / 2), 1), 255),
     ("glsl/transfer.glsl", "vec3 srgb", "s", "high", lambda s: srgb_codes(s**4), (KNEE ** (1 / 4), 1), 255),
+    ("glsl/hdr.glsl", "float log2_over", "z", "q", log2_over, (-0.1640625, 0), 1),
     (SRGB_OF_HOST, "HWY_INLINE F mantissa_power", "m", "q", lambda m: OCTAVE_CODES * m ** (1 / 2.4), (1, 2), OCTAVE_CODES),
     (ACES2_OF_HOST, "HWY_INLINE F cone_mantissa", "m", "q", lambda m: m**0.42, (1, 2), 1),
     (ACES2_OF_HOST, "HWY_INLINE F cone_root_mantissa", "m", "q", lambda m: m ** (1 / 0.42), (1, 2), 1),
