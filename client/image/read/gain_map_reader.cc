@@ -125,7 +125,7 @@ std::optional<absl::string_view> attribute(absl::string_view text, absl::string_
   return std::nullopt;
 }
 
-// What is between <NAME> and </NAME>. Takes it from `text`, so that the next call finds the next one.
+// The text between <NAME> and </NAME>. Removes it from `text`, so the next call finds the next element.
 std::optional<absl::string_view> take_element(absl::string_view& text, absl::string_view name) {
   const std::string open = absl::StrCat("<", name, ">"), close = absl::StrCat("</", name, ">");
   const size_t at = text.find(open);
@@ -166,7 +166,7 @@ absl::StatusOr<GainMapMetadata> metadata_of_xmp(absl::string_view xmp) {
       take_element(xmp, "hdrgm:BaseRenditionIsHDR") == "True") {
     return base_is_hdr();
   }
-  // What counts if a name is not there.
+  // The values where the file leaves a name out.
   GainMapMetadata metadata{.offset_sdr = {1 / 64.0, 1 / 64.0, 1 / 64.0},
                            .offset_hdr = {1 / 64.0, 1 / 64.0, 1 / 64.0}};
   bool one_headroom = true;

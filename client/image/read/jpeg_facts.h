@@ -36,7 +36,7 @@ class TiffBytes {
   bool big_endian_;
 };
 
-// How the picture is to be turned: Exif's 1 .. 8, where 1 is as it is. 1 if nothing says so.
+// Exif's orientation, 1 .. 8. 1, which turns nothing, if the file names none.
 int orientation_of(const JpegSegments& segments);
 
 // The signal by the file's ICC profile, else sRGB. Says in `notes` if the profile is not used.

@@ -139,7 +139,7 @@ absl::Status check_kind(const std::string& path, const char* what, const Jpeg& j
       "%s: the %s has %d components; Candela reads grey and RGB", path, what, jpeg.components()));
 }
 
-// Where the stored pixels go, by Exif's orientation: 1 .. 8. From 5 on, rows become columns.
+// Turns the stored pixels as Exif's orientation (1 .. 8) says. From 5 on, width and height change places.
 class Turned {
  public:
   Turned(int orientation, uint32_t width, uint32_t height)

@@ -1,6 +1,7 @@
 #include "server/render/settings/hdr_display.h"
 
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
