@@ -104,7 +104,7 @@ struct PictureChoice {
   // In place of the one that the file names. Absent: the one that it names, else sRGB of a PNG, AVIF or JPEG file,
   // and of others none: their values are light.
   std::optional<SignalTransfer> transfer{};
-  // What the user says that its primaries are; they weigh an HLG signal's luminance. Absent: the file's own.
+  // The primaries that the user names, which give an HLG signal its luminance. Absent: the file's own.
   std::optional<std::array<float, 8>> primaries{};
   double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000
   bool keeps_signal = false;  // a PNG's, AVIF's or JPEG's codes as numbers of 0 .. 1

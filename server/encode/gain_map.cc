@@ -2,7 +2,6 @@
 // 1.1; CIPA DC-007. The layouts agree with those of google/libultrahdr.
 #include "server/encode/gain_map.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <tuple>
@@ -202,13 +201,6 @@ absl::Status check_gain_map(const GainMapMetadata& metadata) {
   check("the base's headroom", metadata.headroom_base_log2, 0, 64);
   check("the HDR picture's headroom", metadata.headroom_hdr_log2, metadata.headroom_base_log2, 64);
   return status;
-}
-
-uint8_t gain_code(double log2_gain, const GainMapMetadata& metadata, int channel) {
-  const double min = metadata.min_log2[channel], range = metadata.max_log2[channel] - min;
-  if (!(range > 0)) return 0;
-  const double share = std::clamp((log2_gain - min) / range, 0.0, 1.0);
-  return static_cast<uint8_t>(std::lround(255 * std::pow(share, metadata.gamma[channel])));
 }
 
 absl::StatusOr<std::string> encode_gain_map(std::span<const uint8_t> codes, uint32_t width, uint32_t height,

@@ -38,9 +38,6 @@ struct GainMapMetadata {
 // within -64 .. 64, gammas within 0.01 .. 100, offsets within -64 .. 64, and headrooms 0 .. 64 and in order.
 absl::Status check_gain_map(const GainMapMetadata& metadata);
 
-// The nearest code of a gain; `channel` is 0 .. 2. Gains out of the range get its ends.
-uint8_t gain_code(double log2_gain, const GainMapMetadata& metadata, int channel);
-
 // The map as a JPEG, 4:4:4. `codes` has a byte a pixel with one channel, else R, G and B; rows from the top.
 // INTERNAL with libjpeg's reason.
 absl::StatusOr<std::string> encode_gain_map(std::span<const uint8_t> codes, uint32_t width, uint32_t height,

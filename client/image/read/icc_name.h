@@ -7,7 +7,7 @@
 
 namespace candela {
 
-// What the profile's description says, in ASCII: "sRGB IEC61966-2.1". Other characters are "?". "" if the
+// The profile's description in ASCII: "sRGB IEC61966-2.1". Other characters are "?". "" if the
 // bytes are no profile or hold no description.
 std::string icc_name(absl::string_view profile);
 

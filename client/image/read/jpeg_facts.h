@@ -1,4 +1,4 @@
-// What the segments of a JPEG file say about its picture. Internal to client/image.
+// Facts about a picture from the segments of its JPEG file. Internal to client/image.
 #pragma once
 
 #include <cstddef>

@@ -26,6 +26,7 @@
 #include "client/image/color_interop.h"
 #include "client/image/read/gain_map_reader.h"
 #include "client/image/read/jpeg_facts.h"
+#include "client/image/read/neighbours.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
@@ -189,14 +190,14 @@ class GainMap {
   // `codes` are R, G, B and one more of row `y`; `light` gets them with alpha 1.
   void apply(const uint8_t* codes, uint32_t width, uint32_t y, float* light) const {
     const bool same_size = scale_x_ == 1 && scale_y_ == 1;
-    const Between rows = between(y, scale_y_, map_.height);
+    const Neighbours rows = around(y, scale_y_, map_.height);
     for (uint32_t x = 0; x < width; ++x, codes += 4, light += 4) {
       std::array<double, 3> gains{};
       if (same_size) {
         const uint8_t* const code = row(y) + size_t{4} * x;
         for (size_t c = 0; c < 3; ++c) gains[c] = gains_[c][code[c]];
       } else {
-        const Between columns = between(x, scale_x_, map_.width);
+        const Neighbours columns = around(x, scale_x_, map_.width);
         for (size_t c = 0; c < channels_; ++c) {
           const double upper = mix(rows.first, columns, c), lower = mix(rows.second, columns, c);
           gains[c] = gain(c, upper + rows.share * (lower - upper));
@@ -212,21 +213,14 @@ class GainMap {
   }
 
  private:
-  // Two neighbours, and the second one's share in what is between them.
-  struct Between {
-    uint32_t first, second;
-    double share;
-  };
-
-  static Between between(uint32_t at, double scale, uint32_t count) {
-    const double exact = std::clamp((at + 0.5) * scale - 0.5, 0.0, count - 1.0);
-    const auto first = static_cast<uint32_t>(exact);
-    return {first, std::min(first + 1, count - 1), exact - first};
+  // Those in the map of a place in the picture.
+  static Neighbours around(uint32_t at, double scale, uint32_t count) {
+    return neighbours_of((at + 0.5) * scale - 0.5, count);
   }
   const uint8_t* row(uint32_t y) const {
     return reinterpret_cast<const uint8_t*>(map_.pixels.data()) + y * map_.row_bytes();
   }
-  double mix(uint32_t y, const Between& columns, size_t c) const {
+  double mix(uint32_t y, const Neighbours& columns, size_t c) const {
     const double left = row(y)[size_t{4} * columns.first + c], right = row(y)[size_t{4} * columns.second + c];
     return left + columns.share * (right - left);
   }

@@ -40,7 +40,7 @@ class HlgDisplay {
  public:
   HlgDisplay(const std::array<float, 8>& xy, double peak);
 
-  // What turns scene light, 0 .. 1, into the display's; 1.0 is reference white.
+  // The factor from scene light, 0 .. 1, to the display's, of which 1.0 is reference white.
   double scale(const std::array<double, 3>& scene) const;
 
  private:
@@ -68,7 +68,7 @@ class SignalDecoder {
   std::optional<HlgDisplay> hlg_;
 };
 
-// Whether choice.transfer changes the values of a file that holds numbers, not codes.
+// Whether decode_values() would change anything.
 bool decodes_values(const PictureChoice& choice);
 
 // Decodes such a file's R, G and B by choice.transfer, in double. They are associated with alpha, so they are

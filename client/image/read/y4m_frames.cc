@@ -1,7 +1,6 @@
 #include "client/image/read/y4m_frames.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <utility>
 
@@ -10,7 +9,9 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "client/image/luma_matrix.h"
 #include "client/image/primaries.h"
+#include "client/image/read/neighbours.h"
 #include "client/image/read/readers.h"
 #include "server/base/status_macros.h"
 
@@ -46,22 +47,11 @@ uint32_t code_at(std::span<const std::byte> plane, uint64_t at, int bits) {
   return std::to_integer<uint32_t>(plane[2 * at]) | std::to_integer<uint32_t>(plane[2 * at + 1]) << 8;
 }
 
-// Two neighbours, and the second's share.
-struct Between {
-  uint32_t first, second;
-  float share;
-};
-
-// Where sample `at` of luma lies among `count` samples of chroma. Of halved chroma, sample i lies at 2 i, or
-// if it is centred at 2 i + 0.5.
-Between place_of(uint32_t at, uint32_t count, bool halved, bool centred) {
+// The chroma samples around luma sample `at`. Halved chroma sample i lies at luma's 2 i, or at 2 i + 0.5 if
+// it is centred.
+Neighbours chroma_around(uint32_t at, uint32_t count, bool halved, bool centred) {
   if (!halved) return {at, at, 0};
-  const double place = (centred ? at - 0.5 : at) / 2;
-  const double first = std::floor(place);
-  const auto inside = [count](double i) {
-    return static_cast<uint32_t>(std::clamp(i, 0.0, static_cast<double>(count) - 1));
-  };
-  return {inside(first), inside(first + 1), static_cast<float>(place - first)};
+  return neighbours_of((centred ? at - 0.5 : at) / 2, count);
 }
 
 uint16_t code_of_signal(float signal) {
@@ -144,17 +134,19 @@ void Y4mFrames::chroma_row(std::span<const std::byte> plane, uint32_t y, std::sp
              middle = static_cast<float>(1 << (chroma_.bits - 1));
   const float range = full_ ? most : 224.0f * static_cast<float>(1 << (chroma_.bits - 8));
   const uint32_t width = chroma_width();
-  const Between down = place_of(y, chroma_height(), chroma_.halved_down, true);
+  const Neighbours down = chroma_around(y, chroma_height(), chroma_.halved_down, true);
+  const auto lower = static_cast<float>(down.share);
   const auto sample = [&](uint32_t x) {
     const auto code = [&](uint32_t line) {
       return static_cast<float>(code_at(plane, uint64_t{line} * width + x, chroma_.bits));
     };
-    return (code(down.first) * (1 - down.share) + code(down.second) * down.share - middle) / range;
+    return (code(down.first) * (1 - lower) + code(down.second) * lower - middle) / range;
   };
   for (uint32_t x = 0; x < row.size(); ++x) {
-    const Between across = place_of(x, width, chroma_.halved_across, chroma_.centred);
+    const Neighbours across = chroma_around(x, width, chroma_.halved_across, chroma_.centred);
     row[x] = sample(across.first);
-    if (across.share > 0) row[x] += (sample(across.second) - row[x]) * across.share;
+    const auto right = static_cast<float>(across.share);
+    if (right > 0) row[x] += (sample(across.second) - row[x]) * right;
   }
 }
 
@@ -167,7 +159,7 @@ absl::StatusOr<Image> Y4mFrames::image(std::span<const std::byte> planes) const 
   const size_t bytes = chroma_.bits == 8 ? 1 : 2;
   const uint64_t luma = uint64_t{width_} * height_ * bytes;
   const uint64_t chroma = chroma_.none ? 0 : uint64_t{chroma_width()} * chroma_height() * bytes;
-  const float kr = rec2020_ ? .2627f : .2126f, kb = rec2020_ ? .0593f : .0722f, kg = 1 - kr - kb;
+  const LumaMatrix& matrix = rec2020_ ? kRec2020Luma : kRec709Luma;
   const auto scale = static_cast<float>(1 << (chroma_.bits - 8));
   const float black = full_ ? 0 : 16 * scale, white = full_ ? 256 * scale - 1 : 235 * scale;
   std::vector<float> cb(width_), cr(width_);
@@ -178,9 +170,10 @@ absl::StatusOr<Image> Y4mFrames::image(std::span<const std::byte> planes) const 
     for (uint32_t x = 0; x < width_; ++x) {
       const auto code = static_cast<float>(code_at(planes, uint64_t{y} * width_ + x, chroma_.bits));
       const float grey = (code - black) / (white - black);
-      const float red = grey + 2 * (1 - kr) * cr[x], blue = grey + 2 * (1 - kb) * cb[x];
+      const float red = grey + matrix.cr * cr[x], blue = grey + matrix.cb * cb[x];
       codes[4 * size_t{x}] = code_of_signal(red);
-      codes[4 * size_t{x} + 1] = code_of_signal((grey - kr * red - kb * blue) / kg);
+      codes[4 * size_t{x} + 1] =
+          code_of_signal((grey - matrix.red * red - matrix.blue * blue) / matrix.green);
       codes[4 * size_t{x} + 2] = code_of_signal(blue);
     }
     decoder_.decode(codes, reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()));

@@ -6,19 +6,13 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
-#include "client/base/usage.h"
+#include "client/image/luma_matrix.h"
 #include "client/image/write/writers.h"
 #include "server/encode/color_words.h"
 
 namespace candela {
 namespace {
 
-// The shares of R, G and B in luma, and what B - Y and R - Y are divided by.
-struct LumaMatrix {
-  float red, green, blue, cb, cr;
-};
-constexpr LumaMatrix kRec709Luma{.2126f, .7152f, .0722f, 1.8556f, 1.5748f};
-constexpr LumaMatrix kRec2020Luma{.2627f, .6780f, .0593f, 1.8814f, 1.4746f};
 constexpr char kFrame[] = "FRAME\n";
 
 const OutputEncoding kFilm{.name = "y4m",
@@ -128,17 +122,9 @@ void make_pam(const Image& picture, std::vector<std::byte>& bytes) {
 
 const OutputEncoding& piped_encoding(PipeKind kind) { return kind == PipeKind::kPam ? kPams : kFilm; }
 
-absl::StatusOr<PipeFormat> pipe_format(PipeKind kind, int bits, EncodedTransfer transfer,
-                                       const HdrDisplay& hdr) {
-  PipeFormat format{kind, bits};
-  if (!is_hdr(transfer)) {
-    if (bits == 0) format.bits = 8;
-    return format;
-  }
-  if (bits == 8) return usage_error("--bits 8: PQ and HLG have bands in 8 bits; leave it out");
-  if (bits == 0) format.bits = kind == PipeKind::kPam ? 16 : 10;
-  format.rec2020 = !hdr.p3;
-  return format;
+PipeFormat pipe_format(PipeKind kind, int bits, EncodedTransfer transfer, const HdrDisplay& hdr) {
+  const bool is_film_hdr = is_hdr(transfer);
+  return {kind, bits != 0 ? bits : is_film_hdr ? 10 : 8, is_film_hdr && !hdr.p3};
 }
 
 std::string film_header(const PipeFormat& format, uint32_t width, uint32_t height, double pixel_aspect,

@@ -16,7 +16,6 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "client/image/encodings.h"
 #include "client/image/frame_rate.h"
 #include "client/image/image.h"
@@ -31,10 +30,8 @@ struct PipeFormat {
   bool rec2020 = false;  // a y4m has the matrix of BT.2020, else of BT.709
 };
 
-// The format of pictures with this transfer; `hdr` is that of PQ and HLG. `bits` is 0 for the usual depth. A
-// usage error for PQ and HLG of 8 bits.
-absl::StatusOr<PipeFormat> pipe_format(PipeKind kind, int bits, EncodedTransfer transfer,
-                                       const HdrDisplay& hdr);
+// The format of pictures with this transfer; `hdr` is that of PQ and HLG. `bits` is 0 for the usual depth.
+PipeFormat pipe_format(PipeKind kind, int bits, EncodedTransfer transfer, const HdrDisplay& hdr);
 
 // What the frames have in common with files. A y4m has no alpha, and is made from codes of 16 bits.
 const OutputEncoding& piped_encoding(PipeKind kind);

@@ -92,20 +92,6 @@ std::string between(const std::string& text, const std::string& before, const st
 
 int grey(uint32_t x, uint32_t y, int) { return static_cast<int>((x * 7 + y * 3) % 256); }
 
-TEST(GainMap, CodesAreThePublishedOnes) {
-  const GainMapMetadata around = {.min_log2 = {-2}, .max_log2 = {2}};
-  EXPECT_EQ(gain_code(1, around, 0), 191);
-  EXPECT_EQ(gain_code(-1, around, 0), 64);
-  EXPECT_EQ(gain_code(0, around, 0), 128);
-  const GainMapMetadata above = {.max_log2 = {3}};
-  EXPECT_EQ(gain_code(1, above, 0), 85);
-  EXPECT_EQ(gain_code(2, above, 0), 170);
-  EXPECT_EQ(gain_code(4, above, 0), 255);
-  EXPECT_EQ(gain_code(-1, above, 0), 0);
-  const GainMapMetadata squared = {.max_log2 = {0, 0, 2}, .gamma = {1, 1, 2}};
-  EXPECT_EQ(gain_code(1, squared, 2), 64);
-}
-
 TEST(GainMap, TheBaseStaysByteForByte) {
   const std::string base = jpeg_of(40, 24, grey), map = map_of(40, 24, true, grey);
   const std::string file = joined(base, map, stops_of(2));

@@ -96,6 +96,23 @@ TEST(JpegReader, AGainMapMakesHdrLight) {
     EXPECT_NEAR(component(colours, 15, 7, c) / hdr(three, c, 180, 140), 1, 1e-6) << c;
 }
 
+TEST(JpegReader, CodesStandForThePublishedGains) {
+  struct Case {
+    GainMapMetadata metadata;
+    int code;
+    double log2_gain;
+  };
+  const GainMapMetadata around = {.min_log2 = {-2}, .max_log2 = {2}}, above = {.max_log2 = {3}};
+  for (const Case& c : {Case{around, 191, 1}, Case{around, 64, -1}, Case{around, 128, 0}, Case{above, 85, 1},
+                        Case{above, 170, 2}}) {
+    ASSERT_OK_AND_ASSIGN(
+        const Image image,
+        read_jpeg_bytes(joined(jpeg_of(8, 8, flat(255)), map_of(8, 8, true, flat(c.code)), c.metadata)));
+    const double half_code = (c.metadata.max_log2[0] - c.metadata.min_log2[0]) / 510;
+    EXPECT_NEAR(std::log2(component(image, 3, 3, 1)), c.log2_gain, half_code) << c.code;
+  }
+}
+
 TEST(JpegReader, LightIsNotNegative) {
   const GainMapMetadata dark = {.min_log2 = {-2}, .max_log2 = {0}, .offset_sdr = {0.1}, .offset_hdr = {0.1}};
   ASSERT_OK_AND_ASSIGN(const Image image,
@@ -115,7 +132,9 @@ TEST(JpegReader, ASmoothHdrPictureComesBack) {
   const GainMapMetadata metadata = stops_of(3.2);
   std::vector<uint8_t> codes;
   for (uint32_t y = 0; y < kHeight; ++y) {
-    for (uint32_t x = 0; x < kWidth; ++x) codes.push_back(gain_code(log2_gain(x, y), metadata, 0));
+    for (uint32_t x = 0; x < kWidth; ++x) {
+      codes.push_back(static_cast<uint8_t>(std::lround(255 * log2_gain(x, y) / metadata.max_log2[0])));
+    }
   }
   ASSERT_OK_AND_ASSIGN(const std::string map, encode_gain_map(codes, kWidth, kHeight, true));
   const std::string base = jpeg_of(kWidth, kHeight, sdr_code, {95});

@@ -40,11 +40,12 @@ absl::Status check_film(const StreamArguments& arguments, PipeKind kind) {
                                      extensions_with(&OutputEncoding::has_quality)));
 }
 
-// What is asked for, and the film that ffmpeg makes of it. The picture's options are finished.
+// Chooses the format of the pipe, and of the film that ffmpeg makes of it. The picture's options are
+// finished.
 absl::Status choose_formats(StreamArguments& arguments, PipeKind kind, bool film) {
   StreamOptions& options = arguments.options;
   const int bits = arguments.picture.bits;
-  ASSIGN_OR_RETURN(options.pipe, pipe_format(kind, bits, options.write.transfer, options.write.hdr));
+  options.pipe = pipe_format(kind, bits, options.write.transfer, options.write.hdr);
   if (!film) return absl::OkStatus();
   ASSIGN_OR_RETURN(options.film, film_format(options.output, arguments.codec, kind == PipeKind::kY4m444,
                                              options.pipe->bits == 10 ? 10 : bits));
