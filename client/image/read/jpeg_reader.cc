@@ -12,8 +12,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <csetjmp>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <utility>
@@ -24,6 +24,7 @@
 #include "absl/strings/strip.h"
 #include "client/base/number_words.h"
 #include "client/image/color_interop.h"
+#include "client/image/power.h"
 #include "client/image/read/gain_map_reader.h"
 #include "client/image/read/jpeg_facts.h"
 #include "client/image/read/neighbours.h"
@@ -226,8 +227,8 @@ class GainMap {
   }
   double gain(size_t c, double code) const {
     const double gamma = metadata_.gamma[c], min = metadata_.min_log2[c];
-    const double share = gamma == 1 ? code / 255 : std::pow(code / 255, 1 / gamma);
-    return std::exp2(min + (metadata_.max_log2[c] - min) * share);
+    const double share = gamma == 1 ? code / 255 : power(code / 255, 1 / gamma);
+    return exponential(std::numbers::ln2 * (min + (metadata_.max_log2[c] - min) * share));
   }
 
   Image map_;
