@@ -52,6 +52,8 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::Im
   report_.frame = frame;
   add_note(shape_note(frame, settings.output_size()));
   report_.tone_curve = settings.curve();
+  report_.errors = error_parts(report_.header, settings);
+  if (report_.errors && report_.view) report_.errors->table = report_.view->max_codes;
   error_map_ = std::move(result.error_map);
   if (!run_.locked()) {
     add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
@@ -70,9 +72,10 @@ absl::Status PictureRun::write(const Image& picture) {
   add_stage("write", ms_since(begin));
   add_notes(std::move(notes));
   const auto encoding = output_encoding(report_.output);
-  if (verify_.verify && report_.output != "-" && encoding.ok() && (*encoding)->lossy) {
+  if (report_.errors && report_.output != "-" && encoding.ok() && (*encoding)->lossy) {
     events_.begins("verifying " + report_.output);
     ASSIGN_OR_RETURN(report_.file_error, error_of_file(report_.output, picture));
+    report_.errors->file = report_.file_error->max_codes;
   }
   return absl::OkStatus();
 }

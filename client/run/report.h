@@ -19,6 +19,7 @@
 #include "client/run/frames/frame_source.h"
 #include "client/run/options.h"
 #include "client/run/picture/baked_view.h"
+#include "client/run/picture/error_parts.h"
 #include "client/run/picture/file_error.h"
 #include "client/run/picture/primaries_used.h"
 #include "client/run/sequence/sequence.h"
@@ -60,7 +61,8 @@ struct RenderReport {
   PictureDefaults defaults;
   std::optional<ViewReport> view;
   std::optional<ViewError> view_error;                    // only with --verify
-  std::optional<FileError> file_error;                    // only with --verify, of a file that loses detail
+  std::optional<FileError> file_error;                    // only with `errors`, of a file that loses detail
+  std::optional<ErrorParts> errors;                       // only with --verify or --max-error
   v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
   // In this order: start, view, read, the server's stages, other, write; of a view of a panorama: ocio, read,
   // start, put, the server's stages, other, write. The built-in server starts while the image is read.

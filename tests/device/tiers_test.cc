@@ -241,6 +241,34 @@ TEST_F(Promises, AreKeptWhereLightCancels) {
   EXPECT_NE(keep(frame_of(rec2020), settings, 1, "Rec.2020"), "draft");
 }
 
+// With a promise the scene is not rounded to halves. Bloom's is, so there is none here.
+TEST_F(Promises, AreKeptForFloatsThatAreNotHalves) {
+  // Nearly grey, so that a matrix leaves nothing negative.
+  const auto floats = [](uint32_t x, uint32_t y) -> Texel {
+    const float v = std::exp2(static_cast<float>(x * 67 + y) / 700.0f - 8.0f);
+    return {v, 0.9f * v, 0.8f * v, 1};
+  };
+  v1::Settings settings, matrix;
+  settings.mutable_bloom()->set_intensity(0);
+  matrix = settings;
+  matrix.set_input_primaries(v1::PRIMARIES_P3_D65);
+  for (const auto& [format, asked] :
+       {std::pair(v1::PIXEL_FORMAT_RGBA32F, settings), std::pair(v1::PIXEL_FORMAT_RGBA16F, matrix),
+        std::pair(v1::PIXEL_FORMAT_RGBA32F, matrix)}) {
+    const WireFrame frame = make_frame(131, 67, format, floats);
+    v1::Settings promised = asked;
+    promised.set_max_error_codes(0.01);
+    ASSERT_OK_AND_ASSIGN(const auto kept, render(frame, promised, {}, Verify::kYes));
+    const FrameReport& exact = kept.report;
+    ASSERT_TRUE(exact.error_bound);
+    EXPECT_EQ(exact.tier, "standard");
+    EXPECT_LE(exact.verification->rounded.max_codes, *exact.error_bound + kFloatCodes);
+    EXPECT_LE(exact.verification->unrounded.max_codes, *exact.error_bound + kFloatCodes);
+    ASSERT_OK_AND_ASSIGN(const auto rounded, render(frame, asked, {}, Verify::kYes));
+    EXPECT_GT(rounded.report.verification->unrounded.max_codes, 5 * *exact.error_bound);
+  }
+}
+
 // Without bloom draft is as good as it says, and is taken.
 TEST_F(Promises, TakeTheCheapestTierThatKeepsThem) {
   const WireFrame dim = flat(70, 50, {0.5f, 0.3f, 0.2f, 1.0f});

@@ -70,8 +70,33 @@ std::string view_error_words(const ViewError& e) {
       in_digits(e.mean_codes, 3));
 }
 
+// "at most 0.53 codes of 255: rendering 0.03 (proven), rounding 0.5"
+std::string parts_words(const ErrorParts& e) {
+  std::string words = absl::StrFormat("at most %s codes of 255: rendering %s (%s)", in_digits(e.sum(), 3),
+                                      in_digits(e.rendering, 3), e.proven ? "proven" : "measured");
+  const auto add = [&words](const char* what, double codes) {
+    if (codes > 0) absl::StrAppend(&words, ", ", what, " ", in_digits(codes, 3));
+  };
+  add("the view's table", e.table.value_or(0));
+  add("dither", e.dither);
+  add("rounding", e.rounding);
+  add("the file", e.file.value_or(0));
+  return words;
+}
+
+nlohmann::ordered_json to_json(const ErrorParts& e) {
+  return {{"sum", e.sum()},
+          {"rendering", e.rendering},
+          {"rendering_is", e.proven ? "proven" : "measured"},
+          {"table", e.table ? nlohmann::ordered_json(*e.table) : nullptr},
+          {"dither", e.dither},
+          {"rounding", e.rounding},
+          {"file", e.file ? nlohmann::ordered_json(*e.file) : nullptr}};
+}
+
 void add_verification(const RenderReport& report, const std::function<void(const char*, std::string)>& line) {
   const v1::ResultHeader& header = report.header;
+  if (report.errors) line("error", parts_words(*report.errors));
   if (!header.has_verify()) return;
   const v1::Verification& v = header.verify();
   const auto errors = [](const v1::Verification& e) {
@@ -263,6 +288,7 @@ std::string to_json(const RenderReport& report) {
     frame["verify_unrounded"] = to_json(header.verify_unrounded(), report.tone_curve);
   }
   if (report.view_error) frame["verify_view"] = to_json(*report.view_error);
+  if (report.errors) frame["error_parts"] = to_json(*report.errors);
   if (report.file_error) {
     frame["verify_file"] = {{"max_error_codes", report.file_error->max_codes},
                             {"p999_error_codes", report.file_error->p999_codes},

@@ -106,6 +106,13 @@ double largest_light(const FrameStats& stats) {
   return std::clamp<double>(most, shader::MAX_HALF, shader::MAX_LIGHT);
 }
 
+// Whether the image's scene keeps float32: an HDR display's does, and with max_error_codes every one. Other
+// frames are halves, unless a matrix changes them.
+bool keeps_floats(const TextureLayout& layout, const Settings& settings, bool matrix) {
+  const bool rounds = layout.desc.format == v1::PIXEL_FORMAT_RGBA32F || matrix;
+  return is_hdr(*settings) || (settings->has_max_error_codes() && rounds);
+}
+
 // Whether there is light outside of Rec.709, of which a curve may cut a part.
 bool wide(const Metered& metered) { return metered.stats.negative_scene_components > 0; }
 
@@ -190,7 +197,7 @@ shader::ResolveConstants resolve_constants(const TextureLayout& layout, const Me
           .wide = wide(metered) || is_hdr(*settings),
           .alpha = metered.alpha ? static_cast<uint32_t>(settings->alpha()) : shader::ALPHA_ASSOCIATED,
           .display = display_constant(settings),
-          .unrounded = is_hdr(*settings),
+          .unrounded = keeps_floats(layout, settings, matrix),
           .limit = limit_constant(settings),
           .gain = 0};
 }
@@ -339,6 +346,7 @@ Plan plan_frame(const TextureLayout& layout, const Metered& metered, const Setti
                    plan.gain ? " with a gain map" : ""),
       settings->tier()));
   plan.reference = plan_reference(layout, settings, decisions, matrix);
+  plan.reference.unrounded = keeps_floats(layout, settings, matrix.has_value());
   return plan;
 }
 

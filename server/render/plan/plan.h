@@ -99,6 +99,7 @@ struct ReferencePlan {
   reference::MeterParams meter;
   std::optional<reference::BloomSpec> bloom;  // absent if the settings ask for none
   reference::ResolveParams resolve;           // without `look`
+  bool unrounded = false;                     // the image's scene is not rounded to halves
   std::optional<uint32_t> dither_frame;       // absent: no dither
   ImageSize image;
 };

@@ -124,10 +124,10 @@ void ReferenceFrame::resize() {
 void ReferenceFrame::unround(const FrameTextures& textures, const Plan& plan) {
   metered_.scene = {};  // its memory is needed
   resized_.reset();
-  const bool all = plan.resolve.inputs.constants.unrounded != 0 || resolve_.display != shader::DISPLAY_REC709;
-  metered_.scene =
-      ingest_scene(textures, plan.reference.matrix,
-                   all ? reference::Rounding::kNone : reference::Rounding::kHalfUnlessNegative, nullptr);
+  metered_.scene = ingest_scene(
+      textures, plan.reference.matrix,
+      plan.reference.unrounded ? reference::Rounding::kNone : reference::Rounding::kHalfUnlessNegative,
+      nullptr);
   resize();
 }
 

@@ -32,7 +32,7 @@ Verification compare_with(reference::Rounding rounding, const FrameTextures& tex
   const ReferencePlan& p = plan.reference;
   ReferenceFrame reference(meter_scene(textures, p.matrix, p.meter, rounding), plan, level_size);
   const bool wide = plan.resolve.inputs.constants.wide != 0;
-  if (wide && rounding == reference::Rounding::kHalf) reference.unround(textures, plan);
+  if ((wide || p.unrounded) && rounding == reference::Rounding::kHalf) reference.unround(textures, plan);
   const Picture image = {textures.host_output().mapped(), layout.image_pitch,
                          static_cast<uint32_t>(layout.output_format)};
   const Picture codes =

@@ -170,6 +170,58 @@ TEST_F(HdrOutput, VerifySaysWhatAFileLoses) {
   EXPECT_FALSE(candela_json({"render", wide, path("c.png"), "--verify"}).contains("verify_file"));
 }
 
+// One sum of all that an image loses on its way, with or without verification.
+TEST_F(HdrOutput, TheErrorHasParts) {
+  const std::string wide = path("wide.exr");
+  ASSERT_EQ(candela({"sample", wide, "--size", "160x90", "-q"}).code, 0);
+  struct Case {
+    std::string file;
+    std::vector<std::string> options;
+    double dither, rounding;
+    bool lossy;
+  };
+  const double wide_step = 255.0 / 65535;
+  for (const Case& c :
+       {Case{"a.png", {"--max-error", "0.5"}, 0, 0.5, false},
+        Case{"b.png", {"--max-error", "0.5", "--dither"}, 1, 0.5, false},
+        Case{"c.png", {"--max-error", "0.5", "--bits", "16"}, 0, wide_step / 2, false},
+        Case{"d.png",
+             {"--max-error", "0.5", "--transfer", "pq", "--curve", "linear", "--bloom-intensity", "0"},
+             0,
+             wide_step / 2,
+             false},
+        Case{"e.exr", {"--max-error", "0.5"}, 0, 255.0 / 4096, false},
+        Case{"f.jpg", {"--max-error", "0.5"}, 0, 0.5, true},
+        Case{"g.avif", {"--verify"}, 0, wide_step / 2, true}}) {
+    std::vector<std::string> words = {"render", wide, path(c.file)};
+    words.insert(words.end(), c.options.begin(), c.options.end());
+    const auto report = candela_json(words);
+    const auto& parts = report["error_parts"];
+    const bool verified = c.options[0] == "--verify";
+    EXPECT_EQ(parts["rendering_is"], verified ? "measured" : "proven") << c.file;
+    const double rendering = parts["rendering"];
+    if (verified) {
+      EXPECT_EQ(rendering, report["verify_unrounded"]["max_error_codes"]);
+    } else {
+      EXPECT_LE(rendering, 0.5) << c.file;
+      EXPECT_GT(rendering, 0) << c.file;
+    }
+    EXPECT_TRUE(parts["table"].is_null());
+    EXPECT_DOUBLE_EQ(parts["dither"], c.dither) << c.file;
+    EXPECT_DOUBLE_EQ(parts["rounding"], c.rounding) << c.file;
+    ASSERT_EQ(parts["file"].is_null(), !c.lossy) << c.file;
+    const double file = c.lossy ? parts["file"].get<double>() : 0.0;
+    if (c.lossy) {
+      EXPECT_EQ(file, report["verify_file"]["max_error_codes"]);
+    }
+    EXPECT_NEAR(parts["sum"], rendering + c.dither + c.rounding + file, 1e-12) << c.file;
+  }
+  EXPECT_FALSE(candela_json({"render", wide, path("h.jpg")}).contains("error_parts"));
+  const Outcome said = candela({"render", wide, path("i.png"), "--max-error", "0.5"});
+  EXPECT_TRUE(says(said.out, "error      at most 0.5")) << said.out;
+  EXPECT_TRUE(says(said.out, "(proven), rounding 0.5")) << said.out;
+}
+
 TEST_F(HdrOutput, WhatDoesNotGoTogetherIsRefused) {
   for (const auto& [words, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"out.jpg", "--transfer", "pq"}, "--transfer pq: "},
