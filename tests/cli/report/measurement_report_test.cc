@@ -118,6 +118,21 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   // The scenes' light matches their descriptions: in some of the tiles, and in none.
   EXPECT_TRUE(says(scenes.at("five small lights").dump(), "light in"));
   EXPECT_TRUE(says(scenes.at("nothing bright").dump(), "no bloom: nothing passes"));
+  std::map<std::string, nlohmann::json> files;
+  for (const nlohmann::json& row : report.at("files")) {
+    ASSERT_FALSE(row.contains("error")) << row;
+    EXPECT_GT(row.at("bytes"), 0) << row;
+    EXPECT_GT(row.at("write_ms").at("median"), 0) << row;
+    files[row.at("kind")] = row;
+  }
+  EXPECT_EQ(files.size(), 8u);
+  EXPECT_NEAR(files.at("PNG, 8 bits").at("max_codes"), 0.5, 0.01);
+  EXPECT_LE(files.at("PNG, 16 bits").at("max_codes"), 1e-4);
+  EXPECT_LE(files.at("PNG, 16 bits, PQ").at("max_codes"), 1e-4);
+  EXPECT_GT(files.at("JPEG, quality 75").at("mean_codes"), files.at("JPEG, quality 92").at("mean_codes"));
+  EXPECT_GT(files.at("JPEG, quality 92, with a gain map").at("bytes"),
+            files.at("JPEG, quality 92").at("bytes"));
+  for (const nlohmann::json& row : report.at("curves")) EXPECT_GT(row.at("device_ms").at("median"), 0) << row;
   EXPECT_TRUE(report.at("aces").contains("rows") || report.at("aces").contains("missing"));
 
   EXPECT_EQ(report.at("format"), "candela report");
@@ -131,7 +146,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   expect_bakes(report.at("bakes"), tiers);
   expect_panorama(report.at("environments"), at);
   expect_page_holds(read_file(at + "/index.html"), report);
-  for (const char* table : {"/times.csv", "/hard_cases.csv", "/aces.csv", "/bakes.csv"}) {
+  for (const char* table : {"/times.csv", "/hard_cases.csv", "/aces.csv", "/bakes.csv", "/files.csv"}) {
     EXPECT_NE(read_file(at + table).find(','), std::string::npos) << table;
   }
 }

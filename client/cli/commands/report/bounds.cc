@@ -73,7 +73,8 @@ Json judge_stages(const ReportSession& session, const Measured& measured) {
     for (Worst& stage : stages) {
       // The share is of components of 8 bits; an HDR display has 16.
       const bool is_share = stage.key == stages[4].key;
-      if (!is_share || (3 * pixels >= kCountedComponents && !row.contains("display"))) stage.look_at(name, row);
+      if (!is_share || (3 * pixels >= kCountedComponents && !row.contains("display")))
+        stage.look_at(name, row);
     }
   };
   const auto pixels = [](const Json& row) {

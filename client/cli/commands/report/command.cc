@@ -20,6 +20,7 @@
 #include "client/cli/commands/report/bounds.h"
 #include "client/cli/commands/report/environments.h"
 #include "client/cli/commands/report/errors.h"
+#include "client/cli/commands/report/file_kinds.h"
 #include "client/cli/commands/report/files.h"
 #include "client/cli/commands/report/times.h"
 #include "client/cli/files/terminal.h"
@@ -68,7 +69,7 @@ TimePlan time_plan(const ReportOptions& options, absl::Time begin) {
 std::vector<OutputFile> outputs_of(const ReportOptions& options, const std::vector<std::string>& tiers) {
   std::vector<OutputFile> outputs;
   for (const char* name :
-       {"index.html", "report.json", "times.csv", "hard_cases.csv", "aces.csv", "bakes.csv"}) {
+       {"index.html", "report.json", "times.csv", "hard_cases.csv", "aces.csv", "bakes.csv", "files.csv"}) {
     outputs.push_back({absl::StrCat(options.directory, "/", name), "the report"});
   }
   for (size_t i = 1; i <= options.images.size(); ++i) {
@@ -234,15 +235,21 @@ absl::StatusOr<Json> measure(const ReportSession& session, const TimePlan& plan,
   if (!aces.ok()) return aces;
   absl::StatusOr<Json> pictures = measure_images(session, given.images, bake_plan.folder);
   if (!pictures.ok()) return pictures;
+  ASSIGN_OR_RETURN(Json files, measure_files(session, given.images.front(), bake_plan.folder));
   Json stages = judge_stages(session, {*hard, *curves, *pictures});
   stages.insert(stages.begin(), *ingest);
   ASSIGN_OR_RETURN(EnvironmentRows baked, measure_environments(session, given.panoramas, bake_plan));
   Json scenes = measure_scenes(session, plan);
   Json times = measure_times(session, plan);
-  return Json{{"times", std::move(times)},      {"stage_errors", std::move(stages)},
-              {"hard_cases", *std::move(hard)}, {"curves", *std::move(curves)},
-              {"aces", *std::move(aces)},       {"scenes", std::move(scenes)},
-              {"images", *std::move(pictures)}, {"environments", std::move(baked.environments)},
+  return Json{{"times", std::move(times)},
+              {"stage_errors", std::move(stages)},
+              {"hard_cases", *std::move(hard)},
+              {"curves", *std::move(curves)},
+              {"aces", *std::move(aces)},
+              {"scenes", std::move(scenes)},
+              {"images", *std::move(pictures)},
+              {"files", std::move(files)},
+              {"environments", std::move(baked.environments)},
               {"bakes", std::move(baked.bakes)}};
 }
 

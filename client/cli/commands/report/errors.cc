@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "client/base/number_words.h"
 #include "client/cli/commands/report/pictures.h"
+#include "client/cli/commands/report/samples.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 
@@ -96,6 +97,19 @@ Json verified_row(const ReportSession& session, Json row, v1::Settings settings,
                     ? absl::StrFormat("exposure from %s to %s, target %s", in_digits(previous->exposure(), 4),
                                       in_digits(header.exposure(), 4), in_digits(header.target(), 4))
                     : "";
+  return row;
+}
+
+// The row with the time of the passes; a first frame warms up.
+Json timed_row(const ReportSession& session, Json row, const v1::Settings& settings, const Image& frame) {
+  constexpr int kFrames = 5;
+  std::vector<double> ms;
+  for (int i = 0; i <= kFrames && !row.contains("error"); ++i) {
+    const absl::StatusOr<RenderResult> result = session.render(settings, frame);
+    if (!result.ok()) return failed(std::move(row), result.status());
+    if (i > 0) ms.push_back(device_ms(result->header.stages()));
+  }
+  if (!ms.empty()) row["device_ms"] = spread(ms);
   return row;
 }
 
@@ -244,6 +258,7 @@ absl::StatusOr<Json> measure_images(const ReportSession& session, const std::vec
 
 absl::StatusOr<Json> measure_curves(const ReportSession& session) {
   ASSIGN_OR_RETURN(const Image frame, sample_frame(320, 180));
+  ASSIGN_OR_RETURN(const Image timed, sample_frame(1280, 720));
   Json rows = Json::array();
   for (const int value : session.info().curves()) {
     // The error of a table is not the error of a stage: docs/pipeline.md gives that of aces-1 by table size,
@@ -255,7 +270,8 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
     v1::Settings settings = ReportSession::settings(session.bounded_tier());
     settings.set_curve(static_cast<v1::ToneCurve>(value));
     Json row = row_of("sample scene, " + word, "the curve's own", frame, settings.tier());
-    rows.push_back(verified_row(session, std::move(row), settings, frame, std::nullopt));
+    row = verified_row(session, std::move(row), settings, frame, std::nullopt);
+    rows.push_back(timed_row(session, std::move(row), settings, timed));
   }
   if (!session.curve("bt2390")) return rows;  // an older server
   for (const v1::ToneCurve curve : {v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_ACES_2}) {
@@ -267,7 +283,8 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
       settings.set_transfer(transfer);
       Json row = row_of("sample scene, " + words, "the curve's own", frame, settings.tier());
       row["display"] = v1::word_of(transfer);
-      rows.push_back(verified_row(session, std::move(row), settings, frame, std::nullopt));
+      row = verified_row(session, std::move(row), settings, frame, std::nullopt);
+      rows.push_back(timed_row(session, std::move(row), settings, timed));
     }
   }
   return rows;

@@ -65,6 +65,17 @@ constexpr Column kAces[] = {{"set", "/set"},
                             {"mean_delta_e", "/delta_e/mean"},
                             {"error", "/error"}};
 
+constexpr Column kFiles[] = {{"kind", "/kind"},
+                             {"width", "/width"},
+                             {"height", "/height"},
+                             {"bytes", "/bytes"},
+                             {"write_median_ms", "/write_ms/median"},
+                             {"read_median_ms", "/read_ms/median"},
+                             {"max_codes", "/max_codes"},
+                             {"p999_codes", "/p999_codes"},
+                             {"mean_codes", "/mean_codes"},
+                             {"error", "/error"}};
+
 constexpr Column kBakes[] = {{"panorama", "/panorama"},
                              {"size", "/size"},
                              {"tier", "/tier"},
@@ -128,6 +139,7 @@ absl::Status write_report(const Json& report, const std::string& folder) {
   status.Update(write_file(folder + "/hard_cases.csv", csv(kHardCases, report["hard_cases"])));
   status.Update(
       write_file(folder + "/aces.csv", csv(kAces, aces.contains("rows") ? aces["rows"] : Json::array())));
+  status.Update(write_file(folder + "/files.csv", csv(kFiles, report["files"])));
   status.Update(write_file(folder + "/bakes.csv", csv(kBakes, report["bakes"])));
   status.Update(write_file(folder + "/index.html", page_of(report)));
   return status;

@@ -40,8 +40,8 @@ function machine() {
     html("h3", {}, "Run it again"),
     html("pre", {}, `${report.command}\n`
       + "candela render IN.exr OUT.png --tier TIER --verify --error-map MAP.png   # one image"),
-    paragraph("report.json in this folder holds every number of this page. times.csv, hard_cases.csv, aces.csv "
-      + "and bakes.csv hold the tables."),
+    paragraph("report.json in this folder holds every number of this page. times.csv, hard_cases.csv, aces.csv, "
+      + "files.csv and bakes.csv hold the tables."),
   ];
 }
 
@@ -144,6 +144,29 @@ function aces() {
   ];
 }
 
+function curves() {
+  return [
+    paragraph(`The passes on the sample scene of 1280x720 at tier ${report.bounded_tier}, median with p10 and p90, and `
+      + "the largest error on 320x180. A code is 1/255 of the display's range, with PQ and HLG, too."),
+    table(["curve", "passes, ms (p10 .. p90)", "max error, codes", "p99.9", "mean"], report.curves.map((row) =>
+      [row.case.replace("sample scene, ", ""), ...(row.error ? [message(row.error, 4, true)]
+        : [spreadCell(row.device_ms), number(row.max_error_codes), number(row.p999_error_codes),
+          number(row.mean_error_codes)])])),
+  ];
+}
+
+function files() {
+  const shown = report.files.find((row) => !row.error);
+  return [
+    paragraph(`The first image${shown ? ` (${size(shown)})` : ""} in each kind of file. Errors are against its codes of 16 `
+      + "bits, so rounding to 8 or 10 bits is in them."),
+    table(["file", "bytes", "write, ms (p10 .. p90)", "read, ms", "max error, codes", "p99.9", "mean"],
+      report.files.map((row) => [row.kind, ...(row.error ? [message(row.error, 6, true)]
+        : [count(row.bytes), spreadCell(row.write_ms), spreadCell(row.read_ms), number(row.max_codes),
+          number(row.p999_codes), number(row.mean_codes)])])),
+  ];
+}
+
 function figure(file, caption, kind = "") {
   return html("figure", {class: kind}, html("img", {src: file, alt: caption, loading: "lazy"}), html("figcaption", {}, caption));
 }
@@ -224,6 +247,7 @@ function drawPage() {
     ["Machine", "The machine", machine], ["Time and error", "Time against error", times],
     ["Stages", "Time by stage", stages], ["Bounds", "Every stage's error and its bound", bounds],
     ["Hard cases", "Hard cases", hardCases], ["ACES", "The ACES approximations against the whole transform", aces],
+    ["Curves", "Curves: time and error", curves], ["Files", "Files: time and error", files],
     ["Error maps", "Error maps", errorMaps], ["Scenes", "What a scene does not need is not computed", scenes],
     ["Environments", "Environments", environments],
   ];
