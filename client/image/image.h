@@ -137,7 +137,9 @@ struct WriteOptions {
   // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   HdrDisplay hdr{};               // with the transfers kPq and kHlg
-  double gain_map_max_log2 = 0;   // of a JPEG, as JpegOptions says
+  // Of a JPEG, above 0: the fourth component is a gain map's, as gain_map_in_alpha() says.
+  double gain_map_max_log2 = 0;
+  std::shared_ptr<const GainMapCodes> gain_map{};  // of a JPEG: another gain map, or null
   int jpeg_quality = 92;          // 1..100, of a JPEG or AVIF
   bool associated_alpha = false;  // a TIFF says whether its colour is multiplied by alpha
   // Keywords (1..79 characters) and texts for a PNG's tEXt chunks, in Latin-1. Other formats ignore them.

@@ -16,6 +16,7 @@
 #include "client/run/picture/frame_alpha.h"
 #include "client/run/picture/frame_files.h"
 #include "client/run/picture/frame_notes.h"
+#include "client/run/picture/hdr_gain_map.h"
 #include "client/run/picture/picture_size.h"
 #include "client/run/picture_run.h"
 #include "client/run/server/option_words.h"
@@ -96,7 +97,8 @@ class FrameRun {
     view.verify = options_.verify.verify;
     view.error_map = !options_.verify.error_map.empty();
     // The picture will need the memory. What came through a pipe cannot be read again.
-    if (only_ && !verifies_view() && !is_piped()) view.on_sent = [&frame] { frame.pixels = {}; };
+    if (only_ && !verifies_view() && !is_piped() && !options_.hdr)
+      view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.previous.exposure() == 0) show_display_light(frame, settings);
     if (options_.ignore_empty_alpha) picture_.add_note(ignore_empty_alpha(frame, settings));
@@ -106,6 +108,11 @@ class FrameRun {
     absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
+    Image hdr;
+    if (options_.hdr) {
+      view.exposure = result->header.exposure();
+      ASSIGN_OR_RETURN(hdr, render_hdr(settings, frame, view, begin + kRenderTimeout));
+    }
     if (only_) run_.close();
 
     const v1::ImageSize size{frame.width, frame.height};
@@ -121,9 +128,24 @@ class FrameRun {
     }
     add_stages(call_ms, result->header);
     Image picture = picture_of(*std::move(result), alpha, aspect);
+    if (options_.hdr) {
+      ASSIGN_OR_RETURN(GainMapCodes map,
+                       gain_map_between(picture, hdr, options_.hdr->curve, options_.hdr->peak_nits));
+      picture_.set_gain_map(std::move(map));
+    }
     picture.frame_rate = frame.frame_rate;
     picture.kept = frame.kept;
     return picture;
+  }
+
+  // The HDR picture of the same frame, for a gain map. `view` has the SDR picture's exposure.
+  absl::StatusOr<Image> render_hdr(const v1::Settings& sdr, Image& frame, FrameView view,
+                                   absl::Time deadline) {
+    view.verify = view.error_map = false;
+    const v1::Settings settings = hdr_settings(sdr, options_.hdr->curve, options_.hdr->peak_nits);
+    absl::StatusOr<RenderResult> result = call(settings, frame, view, deadline);
+    if (!result.ok()) return name_file(result.status(), job_.input);
+    return picture_of(*std::move(result), false, 1);
   }
 
   absl::StatusOr<RenderResult> call(const v1::Settings& settings, Image& frame, FrameView& view,

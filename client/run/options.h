@@ -64,6 +64,12 @@ struct PictureOptions {
   std::string stdout_kind;   // the extension of an image that goes to standard output
 };
 
+// The HDR picture that a gain map of three channels leads to.
+struct HdrPicture {
+  v1::ToneCurve curve = v1::TONE_CURVE_UNSPECIFIED;  // BT2390 or ACES_2
+  double peak_nits = 0;
+};
+
 // Whether an image is compared with the reference.
 struct VerifyChoice {
   bool verify = false;
@@ -95,6 +101,7 @@ struct RenderOptions : RunOptions {
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none
   VerifyChoice verify;
+  std::optional<HdrPicture> hdr;  // of a gain map of three channels, whose settings have none of one
   bool verbose = false;
 };
 

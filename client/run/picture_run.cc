@@ -64,7 +64,8 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::Im
 absl::Status PictureRun::write(const Image& picture) {
   events_.begins("writing " + report_.output);
   const absl::Time begin = absl::Now();
-  const WriteOptions options = write_options_for(options_.write, report_.header);
+  WriteOptions options = write_options_for(options_.write, report_.header);
+  options.gain_map = gain_map_;
   ASSIGN_OR_RETURN(std::vector<std::string> notes,
                    report_.output == "-"
                        ? write_image_to_stdout(report_.output + options_.stdout_kind, picture, options)
@@ -76,6 +77,14 @@ absl::Status PictureRun::write(const Image& picture) {
     events_.begins("verifying " + report_.output);
     ASSIGN_OR_RETURN(report_.file_error, error_of_file(report_.output, picture));
     report_.errors->file = report_.file_error->max_codes;
+    const std::optional<GainMapCodes> in_alpha = gain_map_in_alpha({.width = picture.width,
+                                                                    .height = picture.height,
+                                                                    .rows = picture.pixels.data(),
+                                                                    .row_stride_bytes = picture.row_bytes()},
+                                                                   options.gain_map_max_log2);
+    if (const GainMapCodes* const map = in_alpha ? &*in_alpha : gain_map_.get()) {
+      ASSIGN_OR_RETURN(report_.gain_map_error, error_of_gain_map(report_.output, *map));
+    }
   }
   return absl::OkStatus();
 }

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -14,6 +16,7 @@
 #include "client/run/options.h"
 #include "client/run/report.h"
 #include "client/run/run.h"
+#include "server/encode/gain_map.h"
 
 namespace candela {
 
@@ -33,6 +36,9 @@ class PictureRun {
   // The call's result, but its pixels. `settings` are those that were sent, for a frame of this size.
   void take(RenderResult& result, const v1::Settings& settings, v1::ImageSize frame);
 
+  // Of the JPEG, instead of one in the picture's fourth component.
+  void set_gain_map(GainMapCodes map) { gain_map_ = std::make_shared<const GainMapCodes>(std::move(map)); }
+
   absl::Status write(const Image& picture);
   absl::Status write_error_map() const;
   RenderReport finish();
@@ -45,6 +51,7 @@ class PictureRun {
   RunEvents& events_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
+  std::shared_ptr<const GainMapCodes> gain_map_;
 };
 
 }  // namespace candela

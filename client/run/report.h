@@ -21,6 +21,7 @@
 #include "client/run/picture/baked_view.h"
 #include "client/run/picture/error_parts.h"
 #include "client/run/picture/file_error.h"
+#include "client/run/picture/hdr_gain_map.h"
 #include "client/run/picture/primaries_used.h"
 #include "client/run/sequence/sequence.h"
 #include "client/session.h"
@@ -62,6 +63,7 @@ struct RenderReport {
   std::optional<ViewReport> view;
   std::optional<ViewError> view_error;                    // only with --verify
   std::optional<FileError> file_error;                    // only with `errors`, of a file that loses detail
+  std::optional<GainMapError> gain_map_error;             // the same of a gain map
   std::optional<ErrorParts> errors;                       // only with --verify or --max-error
   v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
   // In this order: start, view, read, the server's stages, other, write; of a view of a panorama: ocio, read,

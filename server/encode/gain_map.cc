@@ -183,6 +183,19 @@ absl::StatusOr<size_t> place_in(absl::string_view jpeg, absl::string_view what) 
 
 }  // namespace
 
+std::optional<GainMapCodes> gain_map_in_alpha(const PictureView& picture, double max_log2) {
+  if (max_log2 <= 0) return std::nullopt;
+  GainMapCodes map;
+  map.metadata.max_log2[0] = map.metadata.headroom_hdr_log2 = max_log2;
+  map.codes.reserve(size_t{picture.width} * picture.height);
+  for (uint32_t y = 0; y < picture.height; ++y) {
+    const std::byte* const row = picture.row(y);
+    for (uint32_t x = 0; x < picture.width; ++x)
+      map.codes.push_back(std::to_integer<uint8_t>(row[4 * x + 3]));
+  }
+  return map;
+}
+
 absl::Status check_gain_map(const GainMapMetadata& metadata) {
   absl::Status status;
   const auto check = [&status](const char* what, double v, double least, double most) {

@@ -2,12 +2,15 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "server/encode/picture.h"
 
 namespace candela {
 
@@ -34,12 +37,21 @@ struct GainMapMetadata {
   bool one_channel = true;
 };
 
+// A map of the size of its picture: a code a pixel with one channel, else R, G and B; rows from the top.
+struct GainMapCodes {
+  GainMapMetadata metadata;
+  std::vector<uint8_t> codes;
+};
+
+// The map of one channel in a picture's fourth components, in which 255 stands for this log2 and 0 for none.
+// Absent if the log2 is 0.
+std::optional<GainMapCodes> gain_map_in_alpha(const PictureView& picture, double max_log2);
+
 // INVALID_ARGUMENT, naming the number, unless all are finite, minima are at most maxima, logarithms are
 // within -64 .. 64, gammas within 0.01 .. 100, offsets within -64 .. 64, and headrooms 0 .. 64 and in order.
 absl::Status check_gain_map(const GainMapMetadata& metadata);
 
-// The map as a JPEG, 4:4:4. `codes` has a byte a pixel with one channel, else R, G and B; rows from the top.
-// INTERNAL with libjpeg's reason.
+// The map as a JPEG, 4:4:4. `codes` are as in GainMapCodes. INTERNAL with libjpeg's reason.
 absl::StatusOr<std::string> encode_gain_map(std::span<const uint8_t> codes, uint32_t width, uint32_t height,
                                             bool one_channel, int quality = 95);
 

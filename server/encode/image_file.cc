@@ -1,6 +1,9 @@
 #include "server/encode/image_file.h"
 
+#include <optional>
+
 #include "server/base/status_macros.h"
+#include "server/encode/gain_map.h"
 
 namespace candela {
 
@@ -42,9 +45,10 @@ absl::StatusOr<std::string> encode_image(const PictureView& picture, const v1::S
     return true;
   };
   const EncodedTransfer transfer = encoded_transfer(settings);
+  const std::optional<GainMapCodes> map = gain_map_in_alpha(picture, facts.gain_map_max_log2);
   RETURN_IF_ERROR(
       encoding == v1::ENCODING_JPEG
-          ? encode_jpeg(picture, {quality, transfer, facts.gain_map_max_log2}, append)
+          ? encode_jpeg(picture, {quality, transfer, map ? &*map : nullptr}, append)
           : encode_png(picture, {!opaque && keeps_alpha(settings), transfer, facts.hdr, {}, 1}, append));
   file.shrink_to_fit();  // it may wait for a slow client
   return file;

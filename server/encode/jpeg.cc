@@ -8,7 +8,6 @@
 #include <csetjmp>
 #include <cstdlib>
 #include <string>
-#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "server/base/status_macros.h"
@@ -96,6 +95,9 @@ absl::Status encode_jpeg_codes(const JpegCodes& codes, int quality, const std::s
 
 namespace {
 
+// Of gain maps. Three channels span three times the stops of one.
+constexpr int kGreyMapQuality = 95, kColourMapQuality = 98;
+
 absl::Status encode_base(const PictureView& picture, const JpegOptions& options, ByteSink sink) {
   const JpegCodes codes{picture.width,        picture.height,           JpegPixel::kRgbx,
                         picture.rows,         picture.row_stride_bytes, picture.aspect_width,
@@ -103,32 +105,21 @@ absl::Status encode_base(const PictureView& picture, const JpegOptions& options,
   return encode_jpeg_codes(codes, options.quality, icc_profile(options.transfer), sink);
 }
 
-// The picture's fourth components, tight.
-std::vector<uint8_t> fourth_components(const PictureView& picture) {
-  std::vector<uint8_t> codes;
-  codes.reserve(size_t{picture.width} * picture.height);
-  for (uint32_t y = 0; y < picture.height; ++y) {
-    const std::byte* const row = picture.row(y);
-    for (uint32_t x = 0; x < picture.width; ++x) codes.push_back(std::to_integer<uint8_t>(row[4 * x + 3]));
-  }
-  return codes;
-}
-
 }  // namespace
 
 absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options, ByteSink sink) {
-  if (options.gain_map_max_log2 <= 0) return encode_base(picture, options, sink);
+  if (options.gain_map == nullptr) return encode_base(picture, options, sink);
   std::string base;
   RETURN_IF_ERROR(encode_base(picture, options, [&base](const void* bytes, size_t count) {
     base.append(static_cast<const char*>(bytes), count);
     return true;
   }));
+  const GainMapCodes& gain_map = *options.gain_map;
+  const bool one_channel = gain_map.metadata.one_channel;
   ASSIGN_OR_RETURN(const std::string map,
-                   encode_gain_map(fourth_components(picture), picture.width, picture.height,
-                                   /*one_channel=*/true));
-  GainMapMetadata metadata;
-  metadata.max_log2[0] = metadata.headroom_hdr_log2 = options.gain_map_max_log2;
-  ASSIGN_OR_RETURN(const std::string file, join_gain_map(base, map, metadata));
+                   encode_gain_map(gain_map.codes, picture.width, picture.height, one_channel,
+                                   one_channel ? kGreyMapQuality : kColourMapQuality));
+  ASSIGN_OR_RETURN(const std::string file, join_gain_map(base, map, gain_map.metadata));
   return sink(file.data(), file.size()) ? absl::OkStatus()
                                         : absl::InternalError("cannot encode the JPEG: write failed");
 }

@@ -57,13 +57,14 @@ struct PngOptions {
 // two at the same time.
 absl::Status encode_png(const PictureView& picture, const PngOptions& options, ByteSink sink);
 
+struct GainMapCodes;
+
 struct JpegOptions {
   int quality = 92;  // 1 .. 100
   // The file carries an ICC profile of it, or none if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
-  // Above 0: the picture's fourth component is the code of a gain map, one channel, in which 255 stands for this
-  // log2. The file is then a gain-map JPEG, whose base is the file without one.
-  double gain_map_max_log2 = 0;
+  // Makes a gain-map JPEG, whose base is the file without one. The picture's fourth component is not used.
+  const GainMapCodes* gain_map = nullptr;
 };
 
 // Keeps colour at full resolution (4:4:4), because lamps on a dark background smear otherwise. `picture` must

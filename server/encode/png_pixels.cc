@@ -111,8 +111,8 @@ class ChunkMaker {
   static constexpr size_t kBefore = 4 + 4 + 2;  // length, kind, the stream's first bytes
   static constexpr size_t kAfter = 4 + 4;       // the stream's checksum, the chunk's
   // A stripe's first bytes are deflated alone, by isa-l's code for short inputs. That for long ones hashes a
-  // register that it never set (rcx, in 2.30's write_first_byte): the stream's address would decide which runs
-  // it finds, in one stripe of some thousand.
+  // register that it never set (rcx, in 2.30's write_first_byte): the stream's address would decide which
+  // runs it finds, in one stripe of some thousand.
   static constexpr size_t kAlone = 8;
 
   uint8_t* kind() { return chunk_.get() + 4; }

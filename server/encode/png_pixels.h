@@ -9,8 +9,8 @@
 namespace candela {
 
 // Writes the IDAT chunks of a picture whose size, depth and colour type (RGBA if `alpha`, else RGB; not
-// interlaced) are already in the file. `threads` is that of PngOptions; each has memory of its own: 1.1 MB, or
-// about that and five rows if they are long. The bytes depend on the picture alone.
+// interlaced) are already in the file. `threads` is that of PngOptions; each has memory of its own: 1.1 MB,
+// or about that and five rows if they are long. The bytes depend on the picture alone.
 //
 // `sink` gets one chunk after the other, from any of the threads but never from two at the same time.
 // INTERNAL if it returned false or memory ran out; it is not called again then.

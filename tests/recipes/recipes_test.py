@@ -27,7 +27,7 @@ SERVER = "node upload.mjs 8080\n"
 FILMS = {"review.mp4": "h264", "review-hdr.mp4": "hevc", "review-sdr.mp4": "h264", "review.mov": "prores", "lit.mp4": "h264",
          "again.mp4": "h264", "own.webm": "vp9", "published/review.mp4": "h264"}
 FILES = ["shot.json", "out/0004.png", "out/0006.png", "thumbs/a.jpg", "thumbs/b.jpg", "thumbs.json", "library.jpg",
-         "shot.png", "sdr.jpg", "agx.jpg", "b-pq.png", "b-hlg.avif", "both.jpg", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
+         "shot.png", "sdr.jpg", "agx.jpg", "b-pq.png", "b-hlg.avif", "both.jpg", "aces.jpg", "pano.jpg", "pano.ktx2", "sh.json", "pano.png", "published/thumbnail.jpg"]
 
 
 def run(*command: str) -> str:

@@ -18,6 +18,7 @@
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
 #include "server/base/status_macros.h"
+#include "server/render/color/aces2_table.h"
 
 namespace candela {
 namespace {
@@ -134,6 +135,34 @@ absl::Status set_files(RenderArguments& arguments) {
   return choose_kind(arguments, options.extension);
 }
 
+constexpr std::array kHdrCurves = {"match", "bt2390", "aces-2"};
+
+// Takes the gain map of another rendering out of the settings, which have that of `match`.
+absl::Status choose_hdr_picture(const std::string& word, RenderOptions& options) {
+  if (word.empty()) return absl::OkStatus();
+  if (!absl::c_linear_search(kHdrCurves, word)) {
+    return unknown_word("HDR curve", word, {kHdrCurves.begin(), kHdrCurves.end()});
+  }
+  v1::Settings& settings = options.settings;
+  if (!settings.has_gain_map_peak_nits()) {
+    return usage_error(absl::StrFormat("--hdr-curve %s is of a gain map; give --gain-map NIT, too", word));
+  }
+  if (word == kHdrCurves[0]) return absl::OkStatus();
+  if (!options.view.config.empty() || !options.lut.empty()) {
+    return usage_error(absl::StrFormat(
+        "--hdr-curve %s: a view or LUT has no scene light that it could show; leave it out", word));
+  }
+  HdrPicture& hdr = options.hdr.emplace();
+  hdr.curve = word == "bt2390" ? v1::TONE_CURVE_BT2390 : v1::TONE_CURVE_ACES_2;
+  hdr.peak_nits = settings.gain_map_peak_nits();
+  settings.clear_gain_map_peak_nits();
+  if (hdr.curve == v1::TONE_CURVE_ACES_2 && !aces_2_has_peak(hdr.peak_nits)) {
+    return usage_error(absl::StrFormat("--gain-map %g: --hdr-curve aces-2 is published for %s nit",
+                                       hdr.peak_nits, absl::StrJoin(kAces2HdrPeaks, ", ")));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void add_render_options(CLI::App& app, RenderArguments& arguments) {
@@ -150,6 +179,12 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
+  add_text(
+      app, "Tone", "--hdr-curve", "NAME",
+      absl::StrFormat("HDR picture of --gain-map: the SDR picture with its highlights opened, or, in three "
+                      "channels, a rendering of its own: %s (default %s)",
+                      absl::StrJoin(kHdrCurves, ", "), kHdrCurves[0]),
+      arguments.hdr_curve);
   add_desqueeze_option(app, options);
   add_view_options(app, options);
   add_previous_options(app, options.previous);
@@ -179,6 +214,7 @@ absl::Status finish_render_options(RenderArguments& arguments) {
           ? options.output
           : (std::filesystem::path(options.output) / ("*" + options.extension)).string();
   absl::Status status = finish_picture_options(options, arguments.picture, output);
+  status.Update(choose_hdr_picture(arguments.hdr_curve, options));
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
   choose_view_defaults(options, !options.locked_exposure.empty() || options.previous.exposure() > 0);

@@ -15,6 +15,7 @@ namespace candela {
 struct RenderArguments {
   std::vector<std::string> files;  // inputs, then the output
   std::string kind;                // --as, "" if not given
+  std::string hdr_curve;           // --hdr-curve, "" if not given
   RenderOptions options;
   PictureArguments picture;
 };

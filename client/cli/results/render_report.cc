@@ -113,6 +113,11 @@ void add_verification(const RenderReport& report, const std::function<void(const
                              in_digits(report.file_error->p999_codes, 3),
                              in_digits(report.file_error->mean_codes, 3)));
   }
+  if (report.gain_map_error) {
+    line("", absl::StrFormat("the gain map's own loss: at most %s stops, p99 %s",
+                             in_digits(report.gain_map_error->max_stops, 3),
+                             in_digits(report.gain_map_error->p99_stops, 3)));
+  }
   if (header.format() != v1::OUTPUT_FORMAT_RGBA16F) {
     line("", absl::StrFormat("%s %% of the components differ once quantised",
                              in_digits(100 * v.differing_components(), 3)));
@@ -293,6 +298,10 @@ std::string to_json(const RenderReport& report) {
     frame["verify_file"] = {{"max_error_codes", report.file_error->max_codes},
                             {"p999_error_codes", report.file_error->p999_codes},
                             {"mean_error_codes", report.file_error->mean_codes}};
+  }
+  if (report.gain_map_error) {
+    frame["verify_gain_map"] = {{"max_stops", report.gain_map_error->max_stops},
+                                {"p99_stops", report.gain_map_error->p99_stops}};
   }
   if (!report.error_map.empty()) {
     frame["error_map"] = {{"file", report.error_map},

@@ -85,7 +85,8 @@ absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutp
 // meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes, p999_error_codes,
 // mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map error_map {file, least_codes,
 // most_codes, scale}. A JPEG or AVIF file with error_parts also has verify_file {max_error_codes,
-// p999_error_codes, mean_error_codes}. Numbers read back to the same bits. An infinite number becomes null.
+// p999_error_codes, mean_error_codes}, and with a gain map verify_gain_map {max_stops, p99_stops}. Numbers
+// read back to the same bits. An infinite number becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

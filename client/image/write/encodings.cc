@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/ascii.h"
@@ -13,6 +14,7 @@
 #include "client/image/write/writers.h"
 #include "server/base/status_macros.h"
 #include "server/encode/color_words.h"
+#include "server/encode/gain_map.h"
 
 namespace candela {
 namespace {
@@ -35,7 +37,10 @@ absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions&
 }
 
 absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
-  return encode_jpeg(picture_of(image), {options.jpeg_quality, options.transfer, options.gain_map_max_log2},
+  const PictureView picture = picture_of(image);
+  const std::optional<GainMapCodes> in_alpha = gain_map_in_alpha(picture, options.gain_map_max_log2);
+  const GainMapCodes* const map = in_alpha ? &*in_alpha : options.gain_map.get();
+  return encode_jpeg(picture, {options.jpeg_quality, options.transfer, map},
                      [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
 }
 

@@ -153,6 +153,58 @@ TEST_F(HdrOutput, AJpegMayHaveAGainMap) {
   EXPECT_EQ(candela({"render", wide, path("no.jpg"), "--gain-map", "100"}).code, 2);
 }
 
+// The light of a gain map of three channels is that of the HDR picture itself, within JPEG's own loss.
+TEST_F(HdrOutput, AGainMapMayLeadToAnotherRendering) {
+  const std::string wide = path("wide.exr");
+  ASSERT_EQ(candela({"sample", wide, "--size", "320x180", "-q"}).code, 0);
+  const std::vector<std::string> light = {
+      "--curve", "linear", "--prescale", "0.0625", "--exposure", "0", "--bloom-intensity", "0", "-q"};
+  struct Case {
+    std::string curve, hdr_curve, peak;
+    double white_nits;  // of the base
+  };
+  // ACES 2.0 shows a grey of 0.18 with 14.511552 nit at 1000, 13.192876 at 500, and 9.999933 in SDR.
+  for (const Case& c :
+       {Case{"aces-2", "aces-2", "1000", 145.11649}, Case{"aces-hill", "aces-2", "500", 131.92964},
+        Case{"aces-hill", "bt2390", "1000", 203}, Case{"agx", "bt2390", "400", 203}}) {
+    const std::string what = c.curve + " " + c.hdr_curve + " " + c.peak;
+    const std::vector<std::string> look = {"--curve", c.curve, "--exposure", "1", "--quality", "98"};
+    ASSERT_EQ(candela(with({"render", wide, path("plain.jpg"), "-q"}, look)).code, 0);
+    const auto report = candela_json(
+        with({"render", wide, path("hdr.jpg"), "--gain-map", c.peak, "--hdr-curve", c.hdr_curve, "--verify"},
+             look));
+    const std::string plain = read_file(path("plain.jpg")), hdr = read_file(path("hdr.jpg"));
+    EXPECT_NE(hdr.find(plain.substr(plain.find("\xff\xda"))), std::string::npos) << "the base's scans";
+    EXPECT_LE(report["verify_gain_map"]["p99_stops"], 0.1) << what;
+    EXPECT_GT(report["verify_gain_map"]["p99_stops"], 0) << what;
+
+    ASSERT_EQ(candela({"render", wide, path("pq.png"), "--curve", c.hdr_curve, "--transfer", "pq", "--peak",
+                       c.peak, "--display-primaries", "p3-d65", "--exposure", "1", "-q"})
+                  .code,
+              0);
+    ASSERT_EQ(candela(with({"render", path("hdr.jpg"), path("map.pfm")}, light)).code, 0);
+    ASSERT_EQ(candela(with({"render", path("pq.png"), path("pq.pfm")}, light)).code, 0);
+    const std::vector<float> ours = pfm_values(path("map.pfm")), truth = pfm_values(path("pq.pfm"));
+    ASSERT_EQ(ours.size(), truth.size());
+    std::vector<double> stops;
+    for (size_t i = 0; i < ours.size(); ++i) {
+      const double expected = 16 * truth[i] * 203 / c.white_nits;
+      stops.push_back(std::abs(std::log2((16 * ours[i] + 1.0 / 64) / (expected + 1.0 / 64))));
+    }
+    std::ranges::sort(stops);
+    EXPECT_LE(stops[stops.size() / 2], 0.02) << what;
+    EXPECT_LE(stops[stops.size() * 99 / 100], 0.2) << what;
+  }
+  for (const auto& [words, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"--hdr-curve", "bt2390"}, "give --gain-map"},
+           {{"--hdr-curve", "aces-1", "--gain-map", "1000"}, "match, bt2390, aces-2"},
+           {{"--hdr-curve", "aces-2", "--gain-map", "900"}, "500, 1000, 2000, 4000"}}) {
+    const Outcome refused = candela(with({"render", wide, path("no.jpg")}, words));
+    EXPECT_EQ(refused.code, 2) << said;
+    EXPECT_TRUE(says(refused.err, said)) << refused.err;
+  }
+}
+
 // The parts of an error: of the image, and of a file that loses detail.
 TEST_F(HdrOutput, VerifySaysWhatAFileLoses) {
   const std::string wide = path("wide.exr");

@@ -133,6 +133,7 @@ VERIFIED = {
                                    lambda run: run.files["map.png"].startswith(b"\x89PNG"), "there is no map"),
 }
 RENDERED = {  # of render alone
+    "--hdr-curve": lambda c: each_word("--hdr-curve", "--gain-map 1000", "render scene.exr OUT/o.jpg -q --server PLAIN {}"),
     "--as": lambda c: each_word("--as", line="render scene.exr alpha.exr OUT/all/ -q --server PLAIN {}"),
     "--verbose": lambda c: shows("render scene.exr OUT/o.png -v --server PLAIN",
                                  lambda run: len((run.out + run.err).splitlines()) > 3, "-v prints no more than a line"),

@@ -1,0 +1,34 @@
+// The gain map between an SDR picture and an HDR picture of the same frame (docs/pipeline.md section 5).
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "candela/v1/render.pb.h"
+#include "client/image/image.h"
+#include "server/encode/gain_map.h"
+
+namespace candela {
+
+// The settings of the HDR picture beside an SDR one: `curve` is BT2390 or ACES_2, on a display of this peak
+// in P3-D65, in PQ. `exposure` is the SDR picture's factor.
+v1::Settings hdr_settings(v1::Settings sdr, v1::ToneCurve curve, double peak_nits);
+
+// The map of three channels. `sdr` is kRgba8 in sRGB and `hdr`, of the same size, is the picture of
+// hdr_settings(), kRgba16. Its light is in units of the base's white: 203 nit, or with ACES_2 so that a grey
+// of 0.18 is as bright as in ACES 2.0's SDR picture. Light outside of Rec.709 is cut. The same bits on every
+// processor. RESOURCE_EXHAUSTED if there is not enough memory.
+absl::StatusOr<GainMapCodes> gain_map_between(const Image& sdr, const Image& hdr, v1::ToneCurve curve,
+                                              double peak_nits);
+
+// How far the gains of a file's map are from those that were written, in stops, over all components.
+struct GainMapError {
+  double max_stops = 0.0;
+  double p99_stops = 0.0;
+};
+
+// Reads the file again, as HDR and as its base alone. The rounding to the map's codes is not in it: it is at
+// most half a code, (max_log2 - min_log2) / 510. Fails as read_image() does.
+absl::StatusOr<GainMapError> error_of_gain_map(const std::string& path, const GainMapCodes& written);
+
+}  // namespace candela
