@@ -35,6 +35,7 @@ struct GainMapMetadata {
   double headroom_base_log2 = 0;
   double headroom_hdr_log2 = 0;
   bool one_channel = true;
+  bool base_primaries = true;  // the gains are of light in the base's primaries, else in the HDR picture's
 };
 
 // A map of the size of its picture: a code a pixel with one channel, else R, G and B; rows from the top.

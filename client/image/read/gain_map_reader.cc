@@ -91,6 +91,7 @@ absl::StatusOr<GainMapMetadata> metadata_of_iso(absl::string_view body) {
   if ((flags & kIsoShared) != 0) numbers.share(numbers.next(4));
   GainMapMetadata metadata;
   metadata.one_channel = (flags & kIsoThreeChannels) == 0;
+  metadata.base_primaries = (flags & kIsoBaseColours) != 0;
   metadata.headroom_base_log2 = numbers.fraction();
   metadata.headroom_hdr_log2 = numbers.fraction();
   for (int c = 0; c < (metadata.one_channel ? 1 : 3); ++c) {

@@ -273,6 +273,10 @@ absl::StatusOr<std::optional<GainMap>> gain_map_of(const std::string& path, absl
   image.notes.insert(image.notes.end(), notes.begin(), notes.end());
   if (!found.ok()) return damaged(path, "gain map", found.status().message());
   if (found->jpeg.empty()) return std::nullopt;
+  if (!found->metadata.base_primaries && !found->metadata.one_channel) {
+    image.notes.push_back(
+        "its gain map is of light in the HDR picture's primaries; the SDR picture's are taken");
+  }
   return read_gain_map(path, *found, limits, base.width(), base.height());
 }
 

@@ -178,7 +178,8 @@ SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
   if (choice.transfer) {
     signal_.transfer = *choice.transfer;
     signal_.gamma = 2.2;
-    if (is_display_light(signal_.transfer) && signal_.xy == kNone) set_rec2020(signal_);
+    assumes_primaries_ = is_display_light(signal_.transfer) && signal_.xy == kNone;
+    if (assumes_primaries_) set_rec2020(signal_);
   }
   light_.resize(kCodes);
   const bool coded = choice.keeps_signal;
@@ -203,6 +204,7 @@ void SignalDecoder::decode(std::span<const uint16_t> codes, float* light) const 
 
 void SignalDecoder::describe(int bits, Image& image) const {
   if (!own_values_ && signal_.xy != kNone) set_chromaticities(signal_.xy, image);
+  if (assumes_primaries_) image.names_primaries = false;
   image.signal = absl::StrFormat("%d bits, %s%s", bits, name(signal_),
                                  signal_.source.empty() ? ", assumed" : ", from " + signal_.source);
   note_display_light(signal_, image);
@@ -219,6 +221,7 @@ void decode_values(const PictureChoice& choice, Image& image) {
   if (display && !image.names_primaries && !choice.own_values) {
     set_rec2020(signal);
     set_chromaticities(signal.xy, image);
+    image.names_primaries = false;
   }
   std::optional<HlgDisplay> hlg;
   if (signal.transfer == SignalTransfer::kHlg) {

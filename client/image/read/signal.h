@@ -65,6 +65,7 @@ class SignalDecoder {
   Signal signal_;
   std::vector<float> light_;  // of each code
   bool own_values_;
+  bool assumes_primaries_ = false;  // Rec.2020, because the file names none
   std::optional<HlgDisplay> hlg_;
 };
 

@@ -113,6 +113,22 @@ TEST(JpegReader, CodesStandForThePublishedGains) {
   }
 }
 
+// ISO 21496-1's flag 0x40 is clear if the gains are of light in the HDR picture's primaries.
+TEST(JpegReader, OtherPrimariesOfAMapAreNoted) {
+  for (const bool one_channel : {true, false}) {
+    GainMapMetadata metadata = three_channels();
+    metadata.one_channel = one_channel;
+    std::string file = joined(jpeg_of(8, 8, flat(90)), map_of(8, 8, one_channel, flat(77)), metadata);
+    constexpr char kNote[] = "its gain map is of light in the HDR picture's primaries";
+    ASSERT_OK_AND_ASSIGN(const Image same, read_jpeg_bytes(file));
+    EXPECT_FALSE(has_note(same, kNote));
+    const std::string name(kIsoGainMapName);
+    file.at(file.rfind(name) + name.size() + 4) &= static_cast<char>(~kIsoBaseColours);
+    ASSERT_OK_AND_ASSIGN(const Image other, read_jpeg_bytes(file));
+    EXPECT_EQ(has_note(other, kNote), !one_channel);
+  }
+}
+
 TEST(JpegReader, LightIsNotNegative) {
   const GainMapMetadata dark = {.min_log2 = {-2}, .max_log2 = {0}, .offset_sdr = {0.1}, .offset_hdr = {0.1}};
   ASSERT_OK_AND_ASSIGN(const Image image,

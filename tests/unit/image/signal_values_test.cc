@@ -117,7 +117,7 @@ TEST(SignalValues, PqAndHlgAreLightOfADisplay) {
     ASSERT_OK_AND_ASSIGN(const Image image,
                          decoded(pfm_row("PF", {0.5f, 0.5f, 0.5f}), {.transfer = transfer}));
     EXPECT_TRUE(image.display_light);
-    EXPECT_TRUE(image.names_primaries);
+    EXPECT_FALSE(image.names_primaries);
     EXPECT_EQ((*image.chromaticities)[0], 0.708f);
     EXPECT_TRUE(says(notes_of(image), ": 1 is reference white, 203 nit"));
     EXPECT_FALSE(absl::StrContains(notes_of(image), "were cut"));
