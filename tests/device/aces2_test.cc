@@ -21,15 +21,6 @@ namespace {
 
 using Color = std::array<float, 3>;
 
-WireFrame chart_of(const std::vector<Color>& colors, uint32_t width) {
-  const auto height = static_cast<uint32_t>((colors.size() + width - 1) / width);
-  return make_frame(width, height, v1::PIXEL_FORMAT_RGBA32F, [&](uint32_t x, uint32_t y) {
-    const size_t i = size_t{y} * width + x;
-    const Color c = i < colors.size() ? colors[i] : Color{};
-    return Texel{c[0], c[1], c[2], 1.0f};
-  });
-}
-
 v1::Settings aces_2_of(v1::Primaries primaries) {
   v1::Settings settings = plain();
   settings.set_curve(v1::TONE_CURVE_ACES_2);

@@ -30,15 +30,6 @@ using Values = std::array<double, 3>;
 constexpr ExecutorKind kExecutors[] = {ExecutorKind::kHost, ExecutorKind::kDevice};
 constexpr uint32_t kWidth = 61;
 
-WireFrame chart_of(const std::vector<Color>& colors) {
-  const auto height = static_cast<uint32_t>((colors.size() + kWidth - 1) / kWidth);
-  return make_frame(kWidth, height, v1::PIXEL_FORMAT_RGBA32F, [&](uint32_t x, uint32_t y) {
-    const size_t i = size_t{y} * kWidth + x;
-    const Color c = i < colors.size() ? colors[i] : Color{};
-    return Texel{c[0], c[1], c[2], 1.0f};
-  });
-}
-
 // At an exposure of 1 and without bloom.
 v1::Settings hdr(v1::Transfer transfer, v1::ToneCurve curve, double peak_nits, v1::Primaries display) {
   v1::Settings settings = plain();
@@ -106,7 +97,7 @@ class Hdr : public DeviceTest {
   // The signals of a chart's colours.
   static std::vector<Values> signals(ExecutorKind kind, const std::vector<Color>& colors,
                                      const v1::Settings& settings) {
-    const Rendered rendered = must(kind, chart_of(colors), settings);
+    const Rendered rendered = must(kind, chart_of(colors, kWidth), settings);
     std::vector<Values> out(colors.size());
     for (size_t i = 0; i < colors.size(); ++i) {
       const std::byte* const texel =
@@ -126,7 +117,7 @@ class Hdr : public DeviceTest {
 };
 
 TEST_F(Hdr, IsWithinItsBoundOfFloat64) {
-  const WireFrame frame = chart_of(hdr_colors(15000));
+  const WireFrame frame = chart_of(hdr_colors(15000), kWidth);
   std::printf("codes of 1023 from float64: max, p99.9, mean\n");
   for (const v1::ToneCurve curve : {v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_ACES_2}) {
     for (const v1::Transfer transfer : {v1::TRANSFER_PQ, v1::TRANSFER_HLG}) {
@@ -272,7 +263,7 @@ TEST_F(Hdr, APqSignalComesBack) {
 
 // MaxCLL and MaxFALL, by every executor and tier, of an image with an odd size and of a resized one.
 TEST_F(Hdr, SaysHowBrightTheImageIs) {
-  const WireFrame frame = chart_of(hdr_colors(61 * 37));
+  const WireFrame frame = chart_of(hdr_colors(61 * 37), kWidth);
   for (const v1::ToneCurve curve : {v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_ACES_2}) {
     for (const uint32_t width : {0u, 40u}) {
       v1::Settings settings = hdr(v1::TRANSFER_PQ, curve, 1000, v1::PRIMARIES_P3_D65);

@@ -33,6 +33,14 @@ WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, co
   return frame;
 }
 
+WireFrame chart_of(const std::vector<std::array<float, 3>>& colors, uint32_t width) {
+  const auto height = static_cast<uint32_t>((colors.size() + width - 1) / width);
+  return make_frame(width, height, v1::PIXEL_FORMAT_RGBA32F, [&](uint32_t x, uint32_t y) -> Texel {
+    const size_t i = size_t{y} * width + x;
+    return i < colors.size() ? Texel{colors[i][0], colors[i][1], colors[i][2], 1} : Texel{0, 0, 0, 1};
+  });
+}
+
 TexelFunction ordinary(TexelFunction texel) {
   return [texel = std::move(texel)](uint32_t x, uint32_t y) {
     Texel c = texel(x, y);

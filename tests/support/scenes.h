@@ -1,6 +1,7 @@
 // The test scenes of client/image/scenes.h as wire frames of any size and format.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -33,6 +34,9 @@ struct WireFrame {
 
 // Encodes the scene in `format`. RGB9E5 loses negative values and alpha.
 WireFrame make_frame(uint32_t width, uint32_t height, v1::PixelFormat format, const TexelFunction& texel);
+
+// Opaque RGBA32F of these colours, row by row; black where they end.
+WireFrame chart_of(const std::vector<std::array<float, 3>>& colors, uint32_t width);
 
 // The scene with alpha 1 and its negative components at 0, which most frames have none of.
 TexelFunction ordinary(TexelFunction texel);
