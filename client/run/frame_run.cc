@@ -109,10 +109,12 @@ class FrameRun {
     const double call_ms = ms_since(begin);
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
     Image hdr;
+    const absl::Time hdr_begin = absl::Now();
     if (options_.hdr) {
       view.exposure = result->header.exposure();
       ASSIGN_OR_RETURN(hdr, render_hdr(settings, frame, view, begin + kRenderTimeout));
     }
+    const double hdr_ms = ms_since(hdr_begin);
     if (only_) run_.close();
 
     const v1::ImageSize size{frame.width, frame.height};
@@ -131,6 +133,7 @@ class FrameRun {
     if (options_.hdr) {
       ASSIGN_OR_RETURN(GainMapCodes map,
                        gain_map_between(picture, hdr, options_.hdr->curve, options_.hdr->peak_nits));
+      picture_.add_stage("hdr", hdr_ms);
       picture_.set_gain_map(std::move(map));
     }
     picture.frame_rate = frame.frame_rate;

@@ -66,8 +66,8 @@ struct RenderReport {
   std::optional<GainMapError> gain_map_error;             // the same of a gain map
   std::optional<ErrorParts> errors;                       // only with --verify or --max-error
   v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
-  // In this order: start, view, read, the server's stages, other, write; of a view of a panorama: ocio, read,
-  // start, put, the server's stages, other, write. The built-in server starts while the image is read.
+  // In this order: start, view, read, the server's stages, other, hdr, write; of a view of a panorama: ocio,
+  // read, start, put, the server's stages, other, write. The built-in server starts while the image is read.
   // `other` is the part of the call outside the server's stages: sending, receiving, and compiling shaders
   // for a first frame.
   StageMs stage_ms;

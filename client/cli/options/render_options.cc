@@ -6,6 +6,7 @@
 
 #include "absl/algorithm/container.h"
 #include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/usage.h"
@@ -17,8 +18,9 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
+#include "client/run/picture/hdr_gain_map.h"
+#include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
-#include "server/render/color/aces2_table.h"
 
 namespace candela {
 namespace {
@@ -152,13 +154,24 @@ absl::Status choose_hdr_picture(const std::string& word, RenderOptions& options)
     return usage_error(absl::StrFormat(
         "--hdr-curve %s: a view or LUT has no scene light that it could show; leave it out", word));
   }
+  const bool srgb =
+      settings.transfer() == v1::TRANSFER_SRGB || settings.transfer() == v1::TRANSFER_UNSPECIFIED;
+  if (!srgb || settings.alpha() == v1::ALPHA_STRAIGHT) {
+    return usage_error(
+        absl::StrFormat("--%s: a gain map is beside an image in srgb whose alpha is not straight",
+                        srgb ? "alpha straight" : "transfer " + v1::word_of(settings.transfer())));
+  }
   HdrPicture& hdr = options.hdr.emplace();
   hdr.curve = word == "bt2390" ? v1::TONE_CURVE_BT2390 : v1::TONE_CURVE_ACES_2;
   hdr.peak_nits = settings.gain_map_peak_nits();
   settings.clear_gain_map_peak_nits();
-  if (hdr.curve == v1::TONE_CURVE_ACES_2 && !aces_2_has_peak(hdr.peak_nits)) {
-    return usage_error(absl::StrFormat("--gain-map %g: --hdr-curve aces-2 is published for %s nit",
-                                       hdr.peak_nits, absl::StrJoin(kAces2HdrPeaks, ", ")));
+  if (hdr.curve == v1::TONE_CURVE_ACES_2 &&
+      std::ranges::count(kAces2Greys, hdr.peak_nits, &Aces2Grey::peak_nits) == 0) {
+    return usage_error(
+        absl::StrFormat("--gain-map %g: --hdr-curve aces-2 is published for %s nit", hdr.peak_nits,
+                        absl::StrJoin(kAces2Greys, ", ", [](std::string* out, const Aces2Grey& grey) {
+                          absl::StrAppend(out, grey.peak_nits);
+                        })));
   }
   return absl::OkStatus();
 }

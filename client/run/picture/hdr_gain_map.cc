@@ -25,18 +25,13 @@ constexpr double kOffset = 1.0 / 64;
 constexpr double kLeastRange = 1.0 / 64;  // of a channel's logarithms, and of the headroom
 constexpr double kReferenceWhiteNits = 203.0;
 
-// By ACES 2.0, the light of a grey of 0.18 in nit: in SDR, and by the peak of an HDR display.
-constexpr double kSdrGreyNits = 9.999933;
-struct HdrGrey {
-  double peak_nits, nits;
-};
-constexpr HdrGrey kHdrGreys[] = {{500, 13.192876}, {1000, 14.511552}, {2000, 15.746733}, {4000, 16.824208}};
+constexpr double kSdrGreyNits = 9.999933;  // by ACES 2.0, of a grey of 0.18 in SDR
 
 // Light 1 of the base, in nit of the HDR picture.
 double white_nits(v1::ToneCurve curve, double peak_nits) {
   if (curve != v1::TONE_CURVE_ACES_2) return kReferenceWhiteNits;
-  const HdrGrey* const grey = std::ranges::find(kHdrGreys, peak_nits, &HdrGrey::peak_nits);
-  CHECK(grey != std::end(kHdrGreys));
+  const Aces2Grey* const grey = std::ranges::find(kAces2Greys, peak_nits, &Aces2Grey::peak_nits);
+  CHECK(grey != std::end(kAces2Greys));
   return 100.0 * grey->nits / kSdrGreyNits;
 }
 

@@ -10,8 +10,15 @@
 
 namespace candela {
 
+// The HDR displays for which ACES 2.0 is published, and its light of a grey of 0.18 there, in nit.
+struct Aces2Grey {
+  double peak_nits, nits;
+};
+inline constexpr Aces2Grey kAces2Greys[] = {
+    {500, 13.192876}, {1000, 14.511552}, {2000, 15.746733}, {4000, 16.824208}};
+
 // The settings of the HDR picture beside an SDR one: `curve` is BT2390 or ACES_2, on a display of this peak
-// in P3-D65, in PQ. `exposure` is the SDR picture's factor.
+// in P3-D65, in PQ. The frame must have the SDR picture's exposure.
 v1::Settings hdr_settings(v1::Settings sdr, v1::ToneCurve curve, double peak_nits);
 
 // The map of three channels. `sdr` is kRgba8 in sRGB and `hdr`, of the same size, is the picture of

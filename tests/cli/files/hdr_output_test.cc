@@ -198,7 +198,10 @@ TEST_F(HdrOutput, AGainMapMayLeadToAnotherRendering) {
   for (const auto& [words, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"--hdr-curve", "bt2390"}, "give --gain-map"},
            {{"--hdr-curve", "aces-1", "--gain-map", "1000"}, "match, bt2390, aces-2"},
-           {{"--hdr-curve", "aces-2", "--gain-map", "900"}, "500, 1000, 2000, 4000"}}) {
+           {{"--hdr-curve", "aces-2", "--gain-map", "900"}, "500, 1000, 2000, 4000"},
+           {{"--hdr-curve", "aces-2", "--gain-map", "500", "--transfer", "gamma22"}, "--transfer gamma22: "},
+           {{"--hdr-curve", "bt2390", "--gain-map", "500", "--alpha", "straight"}, "--alpha straight: "},
+           {{"--hdr-curve", "bt2390", "--gain-map", "500", "--lut", "a.cube"}, "a view or LUT"}}) {
     const Outcome refused = candela(with({"render", wide, path("no.jpg")}, words));
     EXPECT_EQ(refused.code, 2) << said;
     EXPECT_TRUE(says(refused.err, said)) << refused.err;

@@ -20,7 +20,7 @@
 #include "client/image/image.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
-#include "tests/unit/image/jpeg_files.h"
+#include "tests/unit/image/jpeg/jpeg_files.h"
 
 namespace candela {
 namespace {

@@ -1,6 +1,6 @@
 // Sources: see server/encode/gain_map.cc. The flags 4 and 8 of ISO 21496-1's byte are those that
 // google/libultrahdr writes: the base is the HDR picture, and all fractions share a denominator.
-#include "client/image/read/gain_map_reader.h"
+#include "client/image/read/jpeg/gain_map_reader.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -12,7 +12,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/image/read/jpeg_facts.h"
+#include "client/image/read/jpeg/jpeg_facts.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

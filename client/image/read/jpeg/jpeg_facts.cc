@@ -1,4 +1,4 @@
-#include "client/image/read/jpeg_facts.h"
+#include "client/image/read/jpeg/jpeg_facts.h"
 
 #include <algorithm>
 #include <array>

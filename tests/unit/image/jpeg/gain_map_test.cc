@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "tests/support/status.h"
-#include "tests/unit/image/jpeg_files.h"
+#include "tests/unit/image/jpeg/jpeg_files.h"
 
 namespace candela {
 namespace {
