@@ -112,9 +112,10 @@ class FrameRun {
     const absl::Time hdr_begin = absl::Now();
     if (options_.hdr) {
       view.exposure = result->header.exposure();
+      view.previous.reset();
       ASSIGN_OR_RETURN(hdr, render_hdr(settings, frame, view, begin + kRenderTimeout));
+      frame.pixels = {};
     }
-    const double hdr_ms = ms_since(hdr_begin);
     if (only_) run_.close();
 
     const v1::ImageSize size{frame.width, frame.height};
@@ -133,8 +134,8 @@ class FrameRun {
     if (options_.hdr) {
       ASSIGN_OR_RETURN(GainMapCodes map,
                        gain_map_between(picture, hdr, options_.hdr->curve, options_.hdr->peak_nits));
-      picture_.add_stage("hdr", hdr_ms);
       picture_.set_gain_map(std::move(map));
+      picture_.add_stage("hdr", ms_since(hdr_begin));
     }
     picture.frame_rate = frame.frame_rate;
     picture.kept = frame.kept;
@@ -147,7 +148,7 @@ class FrameRun {
     view.verify = view.error_map = false;
     const v1::Settings settings = hdr_settings(sdr, options_.hdr->curve, options_.hdr->peak_nits);
     absl::StatusOr<RenderResult> result = call(settings, frame, view, deadline);
-    if (!result.ok()) return name_file(result.status(), job_.input);
+    if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
     return picture_of(*std::move(result), false, 1);
   }
 

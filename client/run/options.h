@@ -101,7 +101,8 @@ struct RenderOptions : RunOptions {
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none
   VerifyChoice verify;
-  std::optional<HdrPicture> hdr;  // of a gain map of three channels, whose settings have none of one
+  std::optional<HdrPicture>
+      hdr;  // of a gain map of three channels; then `settings` has no gain_map_peak_nits
   bool verbose = false;
 };
 

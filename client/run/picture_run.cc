@@ -65,15 +65,23 @@ absl::Status PictureRun::write(const Image& picture) {
   events_.begins("writing " + report_.output);
   const absl::Time begin = absl::Now();
   WriteOptions options = write_options_for(options_.write, report_.header);
-  options.gain_map = gain_map_;
+  options.gain_map = report_.gain_map;
   ASSIGN_OR_RETURN(std::vector<std::string> notes,
                    report_.output == "-"
                        ? write_image_to_stdout(report_.output + options_.stdout_kind, picture, options)
                        : write_image(report_.output, picture, options));
   add_stage("write", ms_since(begin));
   add_notes(std::move(notes));
-  const auto encoding = output_encoding(report_.output);
-  if (report_.errors && report_.output != "-" && encoding.ok() && (*encoding)->lossy) {
+  const bool to_stdout = report_.output == "-";
+  const auto encoding = output_encoding(to_stdout ? report_.output + options_.stdout_kind : report_.output);
+  const bool lossy = encoding.ok() && (*encoding)->lossy;
+  if (report_.errors) {
+    report_.errors->lacks_file = lossy && to_stdout;
+    // Over white, colour and alpha each have an error.
+    const bool straight = options_.settings.alpha() == v1::ALPHA_STRAIGHT;
+    if (picture.has_alpha && straight) report_.errors->rounding *= 2;
+  }
+  if (report_.errors && lossy && !to_stdout) {
     events_.begins("verifying " + report_.output);
     ASSIGN_OR_RETURN(report_.file_error, error_of_file(report_.output, picture));
     report_.errors->file = report_.file_error->max_codes;
@@ -82,7 +90,7 @@ absl::Status PictureRun::write(const Image& picture) {
                                                                     .rows = picture.pixels.data(),
                                                                     .row_stride_bytes = picture.row_bytes()},
                                                                    options.gain_map_max_log2);
-    if (const GainMapCodes* const map = in_alpha ? &*in_alpha : gain_map_.get()) {
+    if (const GainMapCodes* const map = in_alpha ? &*in_alpha : report_.gain_map.get()) {
       ASSIGN_OR_RETURN(report_.gain_map_error, error_of_gain_map(report_.output, *map));
     }
   }

@@ -37,7 +37,9 @@ class PictureRun {
   void take(RenderResult& result, const v1::Settings& settings, v1::ImageSize frame);
 
   // Of the JPEG, instead of one in the picture's fourth component.
-  void set_gain_map(GainMapCodes map) { gain_map_ = std::make_shared<const GainMapCodes>(std::move(map)); }
+  void set_gain_map(GainMapCodes map) {
+    report_.gain_map = std::make_shared<const GainMapCodes>(std::move(map));
+  }
 
   absl::Status write(const Image& picture);
   absl::Status write_error_map() const;
@@ -51,7 +53,6 @@ class PictureRun {
   RunEvents& events_;
   RenderReport report_;
   std::vector<uint16_t> error_map_;
-  std::shared_ptr<const GainMapCodes> gain_map_;
 };
 
 }  // namespace candela

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -63,11 +64,13 @@ struct RenderReport {
   std::optional<ViewReport> view;
   std::optional<ViewError> view_error;                    // only with --verify
   std::optional<FileError> file_error;                    // only with `errors`, of a file that loses detail
+  std::shared_ptr<const GainMapCodes> gain_map;           // of three channels, or null
   std::optional<GainMapError> gain_map_error;             // the same of a gain map
   std::optional<ErrorParts> errors;                       // only with --verify or --max-error
   v1::ToneCurve tone_curve = v1::TONE_CURVE_UNSPECIFIED;  // as the settings have it
   // In this order: start, view, read, the server's stages, other, hdr, write; of a view of a panorama: ocio,
   // read, start, put, the server's stages, other, write. The built-in server starts while the image is read.
+  // `hdr` is the second rendering for a gain map, and the map.
   // `other` is the part of the call outside the server's stages: sending, receiving, and compiling shaders
   // for a first frame.
   StageMs stage_ms;

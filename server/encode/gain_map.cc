@@ -68,7 +68,8 @@ constexpr absl::string_view kIsoVersion{"\0\0\0\0", 4};  // minimum_version 0, w
 
 std::string iso_segment(const GainMapMetadata& metadata) {
   std::string body(kIsoVersion);
-  body.push_back(static_cast<char>(kIsoBaseColours | (metadata.one_channel ? 0 : kIsoThreeChannels)));
+  body.push_back(static_cast<char>((metadata.base_primaries ? kIsoBaseColours : 0) |
+                                   (metadata.one_channel ? 0 : kIsoThreeChannels)));
   add_fraction(metadata.headroom_base_log2, body);
   add_fraction(metadata.headroom_hdr_log2, body);
   for (int c = 0; c < (metadata.one_channel ? 1 : 3); ++c) {

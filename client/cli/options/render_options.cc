@@ -139,7 +139,8 @@ absl::Status set_files(RenderArguments& arguments) {
 
 constexpr std::array kHdrCurves = {"match", "bt2390", "aces-2"};
 
-// Takes the gain map of another rendering out of the settings, which have that of `match`.
+// With bt2390 and aces-2 moves the peak from the settings to `options.hdr`: the client makes the map, not the
+// server.
 absl::Status choose_hdr_picture(const std::string& word, RenderOptions& options) {
   if (word.empty()) return absl::OkStatus();
   if (!absl::c_linear_search(kHdrCurves, word)) {
@@ -147,12 +148,13 @@ absl::Status choose_hdr_picture(const std::string& word, RenderOptions& options)
   }
   v1::Settings& settings = options.settings;
   if (!settings.has_gain_map_peak_nits()) {
-    return usage_error(absl::StrFormat("--hdr-curve %s is of a gain map; give --gain-map NIT, too", word));
+    return usage_error(absl::StrFormat("--hdr-curve %s needs --gain-map NIT", word));
   }
   if (word == kHdrCurves[0]) return absl::OkStatus();
   if (!options.view.config.empty() || !options.lut.empty()) {
-    return usage_error(absl::StrFormat(
-        "--hdr-curve %s: a view or LUT has no scene light that it could show; leave it out", word));
+    return usage_error(
+        absl::StrFormat("--hdr-curve %s: %s chooses a view, which has no HDR picture; give --curve", word,
+                        options.lut.empty() ? options.view.source : "--lut"));
   }
   const bool srgb =
       settings.transfer() == v1::TRANSFER_SRGB || settings.transfer() == v1::TRANSFER_UNSPECIFIED;
@@ -194,8 +196,8 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_settings_options(app, options.settings);
   add_text(
       app, "Tone", "--hdr-curve", "NAME",
-      absl::StrFormat("HDR picture of --gain-map: the SDR picture with its highlights opened, or, in three "
-                      "channels, a rendering of its own: %s (default %s)",
+      absl::StrFormat("HDR picture of the gain map: the SDR picture with its highlights opened, or a second "
+                      "rendering, in three channels: %s (default %s)",
                       absl::StrJoin(kHdrCurves, ", "), kHdrCurves[0]),
       arguments.hdr_curve);
   add_desqueeze_option(app, options);

@@ -72,8 +72,9 @@ std::string view_error_words(const ViewError& e) {
 
 // "at most 0.53 codes of 255: rendering 0.03 (proven), rounding 0.5"
 std::string parts_words(const ErrorParts& e) {
-  std::string words = absl::StrFormat("at most %s codes of 255: rendering %s (%s)", in_digits(e.sum(), 3),
-                                      in_digits(e.rendering, 3), e.proven ? "proven" : "measured");
+  std::string words = absl::StrFormat(
+      "%s %s codes of 255: rendering %s (%s)", e.lacks_file ? "before the file's own loss" : "at most",
+      in_digits(e.sum(), 3), in_digits(e.rendering, 3), e.proven ? "proven" : "measured");
   const auto add = [&words](const char* what, double codes) {
     if (codes > 0) absl::StrAppend(&words, ", ", what, " ", in_digits(codes, 3));
   };
@@ -85,7 +86,7 @@ std::string parts_words(const ErrorParts& e) {
 }
 
 nlohmann::ordered_json to_json(const ErrorParts& e) {
-  return {{"sum", e.sum()},
+  return {{"sum", e.lacks_file ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(e.sum())},
           {"rendering", e.rendering},
           {"rendering_is", e.proven ? "proven" : "measured"},
           {"table", e.table ? nlohmann::ordered_json(*e.table) : nullptr},
@@ -298,6 +299,11 @@ std::string to_json(const RenderReport& report) {
     frame["verify_file"] = {{"max_error_codes", report.file_error->max_codes},
                             {"p999_error_codes", report.file_error->p999_codes},
                             {"mean_error_codes", report.file_error->mean_codes}};
+  }
+  if (report.gain_map != nullptr) {
+    const GainMapMetadata& map = report.gain_map->metadata;
+    frame["gain_map"] = {
+        {"min_log2", map.min_log2}, {"max_log2", map.max_log2}, {"headroom_log2", map.headroom_hdr_log2}};
   }
   if (report.gain_map_error) {
     frame["verify_gain_map"] = {{"max_stops", report.gain_map_error->max_stops},

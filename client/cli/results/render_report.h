@@ -79,14 +79,15 @@ absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutp
 // {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes, config, from} (null
 // without --ocio; from is --ocio or $OCIO), gamut_cut_components, plan, stage_ms, total_ms, notes. With
 // --verify or --max-error, error_parts {sum, rendering, rendering_is, table, dither, rounding, file}, in
-// 1/255 of the display range: rendering_is "measured" or "proven", table is null without a view, and file is
-// null if the file loses nothing or is standard output. A verified frame also has verify and verify_unrounded
-// {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], differing_components,
-// meter_error_ev, bloom_error}, with --ocio also verify_view {against, max_error_codes, p999_error_codes,
-// mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with --error-map error_map {file, least_codes,
-// most_codes, scale}. A JPEG or AVIF file with error_parts also has verify_file {max_error_codes,
-// p999_error_codes, mean_error_codes}, and with a gain map verify_gain_map {max_stops, p99_stops}. Numbers
-// read back to the same bits. An infinite number becomes null.
+// 1/255 of the display range: rendering_is "measured" or "proven", table is null without a view, file is
+// null if the file loses nothing, and sum and file are null of a JPEG or AVIF on standard output. A verified
+// frame also has verify and verify_unrounded {against, max_error_codes, p999_error_codes, mean_error_codes,
+// worst_pixel [x, y], differing_components, meter_error_ev, bloom_error}, with --ocio also verify_view
+// {against, max_error_codes, p999_error_codes, mean_error_codes, worst_pixel [x, y], opaque_pixels}, and with
+// --error-map error_map {file, least_codes, most_codes, scale}. A JPEG or AVIF file with error_parts also has
+// verify_file {max_error_codes, p999_error_codes, mean_error_codes}, and with a gain map verify_gain_map
+// {max_stops, p99_stops}. With --hdr-curve there is gain_map {min_log2 [r, g, b], max_log2 [r, g, b],
+// headroom_log2}. Numbers read back to the same bits. An infinite number becomes null.
 std::string to_json(const RenderReport& report);
 
 }  // namespace candela

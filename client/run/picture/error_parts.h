@@ -15,12 +15,14 @@ struct ErrorParts {
   double dither = 0.0;
   double rounding = 0.0;         // to the image's codes
   std::optional<double> file{};  // of a JPEG or AVIF file, measured by reading it again
+  bool lacks_file = false;       // it is on standard output, which cannot be read again
 
+  // Of the parts that are known.
   double sum() const { return rendering + table.value_or(0) + dither + rounding + file.value_or(0); }
 };
 
 // Those of a result without `table` and `file`. Absent if the result was neither verified nor rendered with
-// max_error_codes. If both, the measured error counts, which is the smaller one.
+// max_error_codes. If both, the measured error counts.
 std::optional<ErrorParts> error_parts(const v1::ResultHeader& header, const v1::Settings& settings);
 
 }  // namespace candela

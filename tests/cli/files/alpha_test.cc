@@ -66,6 +66,15 @@ class AlphaCommand : public ::testing::Test {
   const std::string in_ = folder_.path("in.exr");
 };
 
+// Over white, straight alpha rounds as well as colour does.
+TEST_F(AlphaCommand, RoundingOfStraightAlphaCounts) {
+  const std::vector<std::string> promise = {"--max-error", "0.5"};
+  EXPECT_EQ(render("a.png", promise).at("error_parts").at("rounding"), 1.0);
+  EXPECT_EQ(render("b.png", {"--max-error", "0.5", "--alpha", "ignore"}).at("error_parts").at("rounding"),
+            0.5);
+  EXPECT_EQ(render("c.exr", promise).at("error_parts").at("rounding"), 255.0 / 4096);
+}
+
 TEST_F(AlphaCommand, PngIsStraightAndExrIsAssociated) {
   EXPECT_TRUE(plan_has(render("a.png"), "with straight alpha"));
   EXPECT_TRUE(png_facts(folder_.path("a.png")).alpha);

@@ -195,13 +195,25 @@ TEST_F(HdrOutput, AGainMapMayLeadToAnotherRendering) {
     EXPECT_LE(stops[stops.size() / 2], 0.02) << what;
     EXPECT_LE(stops[stops.size() * 99 / 100], 0.2) << what;
   }
+  // Both renderings have one exposure, whatever chooses it, and one size.
+  for (const std::vector<std::string>& how : std::vector<std::vector<std::string>>{
+           {"--previous-exposure", "0.5", "--elapsed", "0.1"}, {"--resize", "33x"}, {}}) {
+    const auto report = candela_json(
+        with({"render", wide, path("hdr.jpg"), "--gain-map", "1000", "--hdr-curve", "bt2390"}, how));
+    const auto map = report["gain_map"];
+    EXPECT_EQ(map["min_log2"].size(), 3u);
+    EXPECT_LT(map["min_log2"][1], map["max_log2"][1]);
+    EXPECT_GT(map["headroom_log2"], 0.1);
+    // A component of Rec.709 may be above the peak of P3-D65's.
+    EXPECT_LE(map["headroom_log2"], std::log2(1.225 * 1000 / 203) + 1e-3);
+  }
   for (const auto& [words, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{"--hdr-curve", "bt2390"}, "give --gain-map"},
+           {{"--hdr-curve", "bt2390"}, "needs --gain-map"},
            {{"--hdr-curve", "aces-1", "--gain-map", "1000"}, "match, bt2390, aces-2"},
            {{"--hdr-curve", "aces-2", "--gain-map", "900"}, "500, 1000, 2000, 4000"},
            {{"--hdr-curve", "aces-2", "--gain-map", "500", "--transfer", "gamma22"}, "--transfer gamma22: "},
            {{"--hdr-curve", "bt2390", "--gain-map", "500", "--alpha", "straight"}, "--alpha straight: "},
-           {{"--hdr-curve", "bt2390", "--gain-map", "500", "--lut", "a.cube"}, "a view or LUT"}}) {
+           {{"--hdr-curve", "bt2390", "--gain-map", "500", "--lut", "a.cube"}, "--lut chooses a view"}}) {
     const Outcome refused = candela(with({"render", wide, path("no.jpg")}, words));
     EXPECT_EQ(refused.code, 2) << said;
     EXPECT_TRUE(says(refused.err, said)) << refused.err;
@@ -272,6 +284,9 @@ TEST_F(HdrOutput, TheErrorHasParts) {
     EXPECT_NEAR(parts["sum"], rendering + c.dither + c.rounding + file, 1e-12) << c.file;
   }
   EXPECT_FALSE(candela_json({"render", wide, path("h.jpg")}).contains("error_parts"));
+  // What a file on standard output loses is not measured.
+  const Outcome piped = candela({"render", wide, "-", "--as", "jpg", "--max-error", "0.5"});
+  EXPECT_TRUE(says(piped.err, "before the file's own loss 0.5")) << piped.err;
   const Outcome said = candela({"render", wide, path("i.png"), "--max-error", "0.5"});
   EXPECT_TRUE(says(said.out, "error      at most 0.5")) << said.out;
   EXPECT_TRUE(says(said.out, "(proven), rounding 0.5")) << said.out;

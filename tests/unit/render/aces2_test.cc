@@ -75,7 +75,8 @@ TEST(Aces2, TellsLimitingGamutsApart) {
 
 TEST(Aces2, GreyIsAsBrightAsPublished) {
   for (const auto& [peak, nits] :
-       {std::pair(100.0, 9.999933), std::pair(1000.0, 14.511552), std::pair(4000.0, 16.824208)}) {
+       {std::pair(100.0, 9.999933), std::pair(500.0, 13.192876), std::pair(1000.0, 14.511552),
+        std::pair(2000.0, 15.746733), std::pair(4000.0, 16.824208)}) {
     const Aces2 transform(peak, chromaticities(v1::PRIMARIES_REC709));
     EXPECT_NEAR(xyz_of(transform, {0.18, 0.18, 0.18}, v1::PRIMARIES_REC709)[1] * 100, nits, 1e-5);
   }

@@ -41,7 +41,7 @@ function machine() {
     html("pre", {}, `${report.command}\n`
       + "candela render IN.exr OUT.png --tier TIER --verify --error-map MAP.png   # one image"),
     paragraph("report.json in this folder holds every number of this page. times.csv, hard_cases.csv, aces.csv, "
-      + "files.csv and bakes.csv hold the tables."),
+      + "files.csv and bakes.csv hold their tables."),
   ];
 }
 
@@ -159,7 +159,7 @@ function files() {
   const shown = report.files.find((row) => !row.error);
   return [
     paragraph(`The first image${shown ? ` (${size(shown)})` : ""} in each kind of file. Errors are against its codes of 16 `
-      + "bits, so rounding to 8 or 10 bits is in them."),
+      + "bits, so rounding to 8 or 10 bits is in them. Reading gives codes, not light."),
     table(["file", "bytes", "write, ms (p10 .. p90)", "read, ms", "max error, codes", "p99.9", "mean"],
       report.files.map((row) => [row.kind, ...(row.error ? [message(row.error, 6, true)]
         : [count(row.bytes), spreadCell(row.write_ms), spreadCell(row.read_ms), number(row.max_codes),
