@@ -83,7 +83,8 @@ absl::Status PictureRun::write(const Image& picture) {
   }
   if (report_.errors && lossy && !to_stdout) {
     events_.begins("verifying " + report_.output);
-    ASSIGN_OR_RETURN(report_.file_error, error_of_file(report_.output, picture));
+    ASSIGN_OR_RETURN(const Image codes, read_codes(report_.output));
+    ASSIGN_OR_RETURN(report_.file_error, error_of_file(report_.output, codes, picture));
     report_.errors->file = report_.file_error->max_codes;
     const std::optional<GainMapCodes> in_alpha = gain_map_in_alpha({.width = picture.width,
                                                                     .height = picture.height,
@@ -91,7 +92,7 @@ absl::Status PictureRun::write(const Image& picture) {
                                                                     .row_stride_bytes = picture.row_bytes()},
                                                                    options.gain_map_max_log2);
     if (const GainMapCodes* const map = in_alpha ? &*in_alpha : report_.gain_map.get()) {
-      ASSIGN_OR_RETURN(report_.gain_map_error, error_of_gain_map(report_.output, *map));
+      ASSIGN_OR_RETURN(report_.gain_map_error, error_of_gain_map(report_.output, codes, *map));
     }
   }
   return absl::OkStatus();

@@ -36,7 +36,7 @@ class PictureRun {
   // The call's result, but its pixels. `settings` are those that were sent, for a frame of this size.
   void take(RenderResult& result, const v1::Settings& settings, v1::ImageSize frame);
 
-  // Of the JPEG, instead of one in the picture's fourth component.
+  // Sets the JPEG's gain map, which replaces one in the picture's fourth component.
   void set_gain_map(GainMapCodes map) {
     report_.gain_map = std::make_shared<const GainMapCodes>(std::move(map));
   }

@@ -17,7 +17,6 @@
 namespace candela {
 namespace {
 
-constexpr double kReferenceWhite = 203.0;  // nit; ITU-R BT.2408
 constexpr double kLog10Of2 = 0.3010299956639812;
 constexpr int kCodes = 65536;
 constexpr std::array<float, 8> kNone{};
@@ -46,7 +45,7 @@ double light_of(const Signal& signal, double v) {
     case SignalTransfer::kGamma:
       return std::copysign(power(std::abs(v), signal.gamma), v);
     case SignalTransfer::kPq:
-      return pq_nits(v) / kReferenceWhite;
+      return pq_nits(v) / kReferenceWhiteNits;
     case SignalTransfer::kHlg:
       return hlg_scene(v);
   }
@@ -164,7 +163,7 @@ void take_profile(const std::string& source, const std::string& profile, Signal&
 
 HlgDisplay::HlgDisplay(const std::array<float, 8>& xy, double peak)
     : luminance_(luminance_of(xy)),
-      peak_(peak / kReferenceWhite),
+      peak_(peak / kReferenceWhiteNits),
       exponent_(0.2 + 0.42 * kLog10Of2 * log2_of(peak / 1000.0)) {}
 
 double HlgDisplay::scale(const std::array<double, 3>& scene) const {

@@ -14,6 +14,8 @@
 
 namespace candela {
 
+inline constexpr double kReferenceWhiteNits = 203.0;  // of light 1.0. Source: ITU-R BT.2408
+
 struct Signal {
   SignalTransfer transfer = SignalTransfer::kSrgb;
   double gamma = 2.2;         // of kGamma: light is the signal to this power
@@ -69,7 +71,7 @@ class SignalDecoder {
   std::optional<HlgDisplay> hlg_;
 };
 
-// Whether decode_values() would change anything.
+// True if decode_values() would change the values.
 bool decodes_values(const PictureChoice& choice);
 
 // Decodes such a file's R, G and B by choice.transfer, in double. They are associated with alpha, so they are

@@ -28,14 +28,14 @@ class Y4mFrames {
   static absl::StatusOr<Y4mFrames> of(const std::string& name, absl::string_view header,
                                       const ImageLimits& limits, const PictureChoice& choice);
 
-  // Of a frame's planes.
+  // The size of a frame's planes.
   uint64_t frame_bytes() const;
 
   // The picture of such bytes. RESOURCE_EXHAUSTED if there is not enough memory.
   absl::StatusOr<Image> image(std::span<const std::byte> planes) const;
 
  private:
-  // How the planes of chroma lie over that of luma.
+  // The size and place of chroma samples relative to luma.
   struct Chroma {
     const char* word;  // "420mpeg2"
     int bits;

@@ -1,4 +1,4 @@
-// What one image has lost on its way, part by part (docs/pipeline.md section 6).
+// The error of an image, part by part (docs/pipeline.md section 6).
 #pragma once
 
 #include <optional>
@@ -17,7 +17,7 @@ struct ErrorParts {
   std::optional<double> file{};  // of a JPEG or AVIF file, measured by reading it again
   bool lacks_file = false;       // it is on standard output, which cannot be read again
 
-  // Of the parts that are known.
+  // The sum of the known parts.
   double sum() const { return rendering + table.value_or(0) + dither + rounding + file.value_or(0); }
 };
 

@@ -2,16 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <vector>
 
-#include "absl/strings/str_format.h"
 #include "client/image/color_interop.h"
 #include "client/image/power.h"
 #include "client/image/read/signal.h"
-#include "client/run/picture/frame_files.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 
@@ -23,7 +20,6 @@ using Rgb = std::array<double, 3>;
 // Without it, a component that is 0 in one picture would have no gain that a code can hold.
 constexpr double kOffset = 1.0 / 64;
 constexpr double kLeastRange = 1.0 / 64;  // of a channel's logarithms, and of the headroom
-constexpr double kReferenceWhiteNits = 203.0;
 
 constexpr double kSdrGreyNits = 9.999933;  // by ACES 2.0, of a grey of 0.18 in SDR
 
@@ -133,36 +129,6 @@ absl::StatusOr<GainMapCodes> gain_map_between(const Image& sdr, const Image& hdr
     map.codes.push_back(static_cast<uint8_t>((gain[i] - from) / range * 255 + 0.5));
   }
   return map;
-}
-
-absl::StatusOr<GainMapError> error_of_gain_map(const std::string& path, const GainMapCodes& written) {
-  ASSIGN_OR_RETURN(const Image hdr, read_image(path, default_image_limits()));
-  ASSIGN_OR_RETURN(const Image base, read_image(path, default_image_limits(), {.keeps_signal = true}));
-  const GainMapMetadata& metadata = written.metadata;
-  const size_t channels = metadata.one_channel ? 1 : 3;
-  const size_t pixels = size_t{hdr.width} * hdr.height;
-  if (!hdr.display_light || written.codes.size() != channels * pixels) {
-    return absl::InternalError(absl::StrFormat("%s: it was written with a gain map and read without", path));
-  }
-  const auto* const light = reinterpret_cast<const float*>(hdr.pixels.data());
-  const auto* const code = reinterpret_cast<const float*>(base.pixels.data());
-  std::vector<float> errors;
-  errors.reserve(3 * pixels);
-  for (size_t i = 0; i < pixels; ++i) {
-    for (size_t c = 0; c < 3; ++c) {
-      const size_t k = channels == 1 ? 0 : c;
-      const double sdr = to_linear(ColorCurve::kSrgb, code[4 * i + c]) + metadata.offset_sdr[k];
-      const double shown = light[4 * i + c] + metadata.offset_hdr[k];
-      if (sdr <= 0 || shown <= 0) continue;  // black, which has any gain
-      const double gain = metadata.min_log2[k] + (metadata.max_log2[k] - metadata.min_log2[k]) *
-                                                     written.codes[channels * i + k] / 255;
-      errors.push_back(static_cast<float>(std::abs(log2_of(shown / sdr) - gain)));
-    }
-  }
-  if (errors.empty()) return GainMapError{};
-  const auto p99 = errors.begin() + static_cast<std::ptrdiff_t>((errors.size() - 1) * 99 / 100);
-  std::nth_element(errors.begin(), p99, errors.end());
-  return GainMapError{*std::max_element(p99, errors.end()), *p99};
 }
 
 }  // namespace candela

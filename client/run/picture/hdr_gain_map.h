@@ -1,8 +1,6 @@
 // The gain map between an SDR picture and an HDR picture of the same frame (docs/pipeline.md section 5).
 #pragma once
 
-#include <string>
-
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "client/image/image.h"
@@ -27,15 +25,5 @@ v1::Settings hdr_settings(v1::Settings sdr, v1::ToneCurve curve, double peak_nit
 // processor. RESOURCE_EXHAUSTED if there is not enough memory.
 absl::StatusOr<GainMapCodes> gain_map_between(const Image& sdr, const Image& hdr, v1::ToneCurve curve,
                                               double peak_nits);
-
-// How far the gains of a file's map are from those that were written, in stops, over all components.
-struct GainMapError {
-  double max_stops = 0.0;
-  double p99_stops = 0.0;
-};
-
-// Reads the file again, as HDR and as its base alone. The rounding to the map's codes is not in it: it is at
-// most half a code, (max_log2 - min_log2) / 510. Fails as read_image() does.
-absl::StatusOr<GainMapError> error_of_gain_map(const std::string& path, const GainMapCodes& written);
 
 }  // namespace candela

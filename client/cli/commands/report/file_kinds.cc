@@ -78,10 +78,11 @@ absl::StatusOr<Json> row_of(const ReportSession& session, const ReportImage& ima
     RETURN_IF_ERROR(write_image(path, rendered.picture, rendered.options).status());
     write.push_back(ms_since(begin));
     const auto written = std::chrono::steady_clock::now();
-    RETURN_IF_ERROR(read_image(path, default_image_limits(), {.keeps_signal = true}).status());
+    RETURN_IF_ERROR(read_codes(path).status());
     read.push_back(ms_since(written));
   }
-  ASSIGN_OR_RETURN(const FileError error, error_of_file(path, truth.picture));
+  ASSIGN_OR_RETURN(const Image codes, read_codes(path));
+  ASSIGN_OR_RETURN(const FileError error, error_of_file(path, codes, truth.picture));
   return Json{{"kind", kind.name},
               {"width", truth.picture.width},
               {"height", truth.picture.height},
