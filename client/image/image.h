@@ -101,8 +101,8 @@ struct PictureChoice {
   bool own_values = false;
   bool as_floats = false;             // halves become floats
   RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
-  // In place of the one that the file names. Absent: the one that it names, else sRGB of a PNG, AVIF or JPEG file,
-  // and of others none: their values are light.
+  // In place of the one that the file names. Absent: the one that it names, else sRGB of a PNG, AVIF or JPEG
+  // file, and of others none: their values are light.
   std::optional<SignalTransfer> transfer{};
   // The primaries that the user names, which give an HLG signal its luminance. Absent: the file's own.
   std::optional<std::array<float, 8>> primaries{};
@@ -136,12 +136,12 @@ struct WriteOptions {
   // The transfer of the integer formats. A PNG gets an sRGB chunk, or gAMA and cHRM chunks, that say so, and
   // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
-  HdrDisplay hdr{};               // with the transfers kPq and kHlg
-  // Of a JPEG, above 0: the fourth component is a gain map's, as gain_map_in_alpha() says.
+  HdrDisplay hdr{};  // with the transfers kPq and kHlg
+  // Above 0: the picture's fourth component is the gain map of a JPEG, as gain_map_in_alpha() says.
   double gain_map_max_log2 = 0;
   std::shared_ptr<const GainMapCodes> gain_map{};  // of a JPEG: another gain map, or null
-  int jpeg_quality = 92;          // 1..100, of a JPEG or AVIF
-  bool associated_alpha = false;  // a TIFF says whether its colour is multiplied by alpha
+  int jpeg_quality = 92;                           // 1..100, of a JPEG or AVIF
+  bool associated_alpha = false;                   // a TIFF says whether its colour is multiplied by alpha
   // Keywords (1..79 characters) and texts for a PNG's tEXt chunks, in Latin-1. Other formats ignore them.
   std::vector<std::pair<std::string, std::string>> text = {};
 };

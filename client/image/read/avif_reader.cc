@@ -79,8 +79,8 @@ absl::StatusOr<Signal> signal_of_avif(const FileReader& file, const avifImage& i
   return status;
 }
 
-// Whether the file has a gain map, which this libavif does not look for. ISO 21496-1 has a brand for it, and
-// Apple a kind of auxiliary picture.
+// True if the file has a gain map. This libavif does not look for one. ISO 21496-1 marks it by a brand, Apple
+// by a kind of auxiliary picture.
 bool has_gain_map(absl::string_view file) {
   while (file.size() >= 8) {
     const size_t size = big_endian_at(file, 0);

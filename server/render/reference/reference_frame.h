@@ -23,8 +23,8 @@ class ReferenceFrame {
   // `level_size` is TextureLayout::level_size: kWholeBloom, or a tier's own.
   ReferenceFrame(MeteredScene scene, const Plan& plan, uint32_t level_size);
 
-  // Resolves from a scene whose colours with a negative component, or all if the plan says so, are not rounded;
-  // metering and bloom stay.
+  // Resolves from a scene whose colours with a negative component, or all if the plan says so, are not
+  // rounded; metering and bloom stay.
   void unround(const FrameTextures& textures, const Plan& plan);
 
   const MeteredScene& metered() const { return metered_; }
