@@ -60,9 +60,9 @@ absl::Status check_config(const Config& config) {
     status.Update(check_listen_address(address, config.insecure || !config.tls_cert.empty()));
   }
   status.Update(check_distinct(config));
-  if (absl::EqualsIgnoreCase(config.device, kHostDevice) && config.passes == ExecutorKind::kDevice) {
+  if (absl::EqualsIgnoreCase(config.device, kHostDevice) && config.executor == ExecutorKind::kDevice) {
     status.Update(absl::InvalidArgumentError(
-        "device is host and passes is device; a server without a Vulkan device takes auto or host"));
+        "device is host and executor is device; a server without a Vulkan device takes auto or host"));
   }
   return status;
 }

@@ -26,10 +26,10 @@ struct Config {
   std::string tls_client_ca;  // PEM file of CAs that sign client certificates; empty: none are required
   std::string token_file;     // bearer tokens; empty: calls need no token
   std::string device;         // DeviceOptions::selector
-  ExecutorKind passes = ExecutorKind::kAuto;  // who makes a frame's passes
-  bool validation = false;                    // enable Vulkan's validation layers
-  uint64_t memory_budget_bytes = 0;           // for the texture pool; 0: see choose_memory_budget
-  uint64_t environment_budget_bytes = 0;      // for environments; 0: a quarter of memory_budget_bytes
+  ExecutorKind executor = ExecutorKind::kAuto;  // who makes a frame's passes
+  bool validation = false;                      // enable Vulkan's validation layers
+  uint64_t memory_budget_bytes = 0;             // for the texture pool; 0: see choose_memory_budget
+  uint64_t environment_budget_bytes = 0;        // for environments; 0: a quarter of memory_budget_bytes
   uint32_t client_share = 50;  // percent of the memory that other clients leave; see ClientBudget
   uint64_t max_frame_bytes = v1::kDefaultMaxFrameBytes;  // one frame on the wire
   uint32_t max_dimension = v1::kMaxDimension;            // width or height, pixels

@@ -32,15 +32,15 @@ std::string bits_of(const RenderDevice& opened, const std::string& rendered) {
 
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, Clock& clock,
-                                                                 ExecutorKind passes) {
+                                                                 ExecutorKind executor) {
   DeviceOptions wanted = options;
   wanted.host_without_gpu &= host::instruction_set() != nullptr;
-  if (wanted.host_without_gpu && wanted.selector.empty() && passes == ExecutorKind::kHost) {
+  if (wanted.host_without_gpu && wanted.selector.empty() && executor == ExecutorKind::kHost) {
     wanted.selector = kHostDevice;
   }
   ASSIGN_OR_RETURN(std::unique_ptr<Device> device, Device::create(wanted));
   auto opened = std::make_shared<RenderDevice>(std::move(device), budget_bytes, clock);
-  ASSIGN_OR_RETURN(opened->renderer, Renderer::create(*opened->device, opened->pool, passes));
+  ASSIGN_OR_RETURN(opened->renderer, Renderer::create(*opened->device, opened->pool, executor));
   ASSIGN_OR_RETURN(const std::string rendered, self_test(*opened->renderer));
   opened->bits = bits_of(*opened, rendered);
   return opened;

@@ -31,7 +31,7 @@ struct RenderDevice {
 // result. A host that cannot make the passes is not taken in place of a GPU.
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, Clock& clock,
-                                                                 ExecutorKind passes);
+                                                                 ExecutorKind executor);
 
 // The number of times that a device is reopened without a good frame in between.
 inline constexpr int kMaxRebuilds = 3;

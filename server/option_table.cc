@@ -41,7 +41,7 @@ const Option kOptions[] = {
      "See candelad --list-devices. The best device is a discrete GPU, else an integrated GPU, else a virtual "
      "GPU, else the CPU. Without one, nothing of Vulkan need be installed, this machine's processors run the "
      "passes, and there are no environments."},
-    {"passes", PassesOption{&Config::passes}, "What runs a frame's passes: auto, device or host",
+    {"executor", ExecutorOption{&Config::executor}, "What runs a frame's passes: auto, device or host",
      "host: this machine's processors, in the device's memory; it takes a device of the type CPU, and AVX2, "
      "AVX-512 or NEON. auto: the host where it can, else the device."},
     {"validation", FlagOption{&Config::validation}, "Enable Vulkan's validation layers (slow)",

@@ -44,12 +44,12 @@ struct DurationOption {
 struct LogLevelOption {
   LogLevel Config::*field;
 };
-struct PassesOption {
+struct ExecutorOption {
   ExecutorKind Config::*field;
 };
 
 using OptionKind = std::variant<FlagOption, TextOption, AddressListOption, NumberOption, BytesOption,
-                                DurationOption, LogLevelOption, PassesOption>;
+                                DurationOption, LogLevelOption, ExecutorOption>;
 
 struct Option {
   // "max-calls": the flag is --max-calls, the variable CANDELA_MAX_CALLS, the key in the file max-calls.

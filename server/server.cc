@@ -324,8 +324,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked, Clock
                                              .host_without_gpu = config.host_without_gpu,
                                              .validation = config.validation,
                                              .hang_limit = config.hang_limit},
-                     bytes = budget.bytes, &clock,
-                     passes = config.passes] { return open_render_device(options, bytes, clock, passes); };
+                     bytes = budget.bytes, &clock, executor = config.executor] {
+    return open_render_device(options, bytes, clock, executor);
+  };
   ASSIGN_OR_RETURN(std::shared_ptr<RenderDevice> device, open());
 
   auto impl = std::make_unique<Impl>(config, clock, std::move(access));

@@ -36,7 +36,7 @@ struct ServerChoice {
   // Of the built-in server: a part of a Vulkan device's name, its index, or "host"; empty: a GPU, else the
   // host, but the best Vulkan device for environments and for the device's passes.
   std::string device;
-  std::string passes;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
+  std::string executor;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
 // The defaults that --ocio and --lut change.

@@ -60,7 +60,7 @@ absl::Status set(const LogLevelOption& kind, const std::string& text, Config& co
   return store(parse_log_level(text), config.*kind.field);
 }
 
-absl::Status set(const PassesOption& kind, const std::string& text, Config& config) {
+absl::Status set(const ExecutorOption& kind, const std::string& text, Config& config) {
   return store(parse_executor(text), config.*kind.field);
 }
 
@@ -80,7 +80,7 @@ std::string value_name(const AddressListOption&) { return "ADDRESS[,ADDRESS...]"
 std::string value_name(const BytesOption&) { return "BYTES"; }
 std::string value_name(const DurationOption&) { return "TIME"; }
 std::string value_name(const LogLevelOption&) { return "LEVEL"; }
-std::string value_name(const PassesOption&) { return "WHO"; }
+std::string value_name(const ExecutorOption&) { return "WHO"; }
 
 CLI::Option* add(CLI::App& app, const std::string& flag, const FlagOption& kind, Config& config) {
   return app.add_flag(flag, config.*kind.field);

@@ -17,8 +17,8 @@ enum class ExecutorKind : uint32_t {
 
 inline constexpr std::array<const char*, 3> kExecutorWords = {"auto", "device", "host"};
 
-inline const char* executor_word(ExecutorKind passes) {
-  return kExecutorWords[static_cast<uint32_t>(passes)];
+inline const char* executor_word(ExecutorKind executor) {
+  return kExecutorWords[static_cast<uint32_t>(executor)];
 }
 
 inline absl::StatusOr<ExecutorKind> parse_executor(absl::string_view word) {

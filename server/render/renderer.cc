@@ -23,24 +23,24 @@ Renderer::Renderer(Device& device, TexturePool& pool) : device_(device), pool_(p
 Renderer::~Renderer() = default;
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::create(Device& device, TexturePool& pool,
-                                                           ExecutorKind passes, uint32_t threads) {
+                                                           ExecutorKind executor, uint32_t threads) {
   std::unique_ptr<Renderer> renderer(new Renderer(device, pool));
-  RETURN_IF_ERROR(renderer->choose(passes, threads));
+  RETURN_IF_ERROR(renderer->choose(executor, threads));
   return renderer;
 }
 
-absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
+absl::Status Renderer::choose(ExecutorKind kind, uint32_t threads) {
   const std::string not_on_host = HostExecutor::unavailable(device_.summary());
-  const bool only_host = passes == ExecutorKind::kHost || device_.is_host();
+  const bool only_host = kind == ExecutorKind::kHost || device_.is_host();
   if (only_host && !not_on_host.empty()) {
     return absl::FailedPreconditionError(absl::StrCat("the host cannot make the passes: ", not_on_host));
   }
-  if (device_.is_host() && passes == ExecutorKind::kDevice) {
+  if (device_.is_host() && kind == ExecutorKind::kDevice) {
     return absl::FailedPreconditionError(
         "the passes are to run on the device, and there is no Vulkan device: choose one");
   }
   Crew* crew = nullptr;
-  if (passes != ExecutorKind::kDevice && not_on_host.empty()) {
+  if (kind != ExecutorKind::kDevice && not_on_host.empty()) {
     auto executor = std::make_unique<HostExecutor>(device_, threads == 0 ? usable_cpus() : threads);
     crew = &executor->crew();
     executor_kind_ = ExecutorKind::kHost;
@@ -51,7 +51,7 @@ absl::Status Renderer::choose(ExecutorKind passes, uint32_t threads) {
     ASSIGN_OR_RETURN(by_device_or_host_, DeviceExecutor::create(device_));
     executor_kind_ = ExecutorKind::kDevice;
     executor_words_ = "on the device";
-    if (passes == ExecutorKind::kAuto && device_.summary().type == "CPU") {
+    if (kind == ExecutorKind::kAuto && device_.summary().type == "CPU") {
       absl::StrAppend(&executor_words_, ": ", not_on_host);
     }
   }

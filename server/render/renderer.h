@@ -20,7 +20,7 @@ class Renderer final : public FrameMaker {
   // `device` and `pool` outlive the renderer. `threads` of the host make its passes; 0: usable_cpus().
   // FAILED_PRECONDITION, saying why, if the one that is to make them cannot.
   static absl::StatusOr<std::unique_ptr<Renderer>> create(Device& device, TexturePool& pool,
-                                                          ExecutorKind passes = ExecutorKind::kAuto,
+                                                          ExecutorKind executor = ExecutorKind::kAuto,
                                                           uint32_t threads = 0);
   ~Renderer() override;
 
@@ -44,7 +44,7 @@ class Renderer final : public FrameMaker {
  private:
   Renderer(Device& device, TexturePool& pool);
   // Sets passes_ and what follows from it.
-  absl::Status choose(ExecutorKind passes, uint32_t threads);
+  absl::Status choose(ExecutorKind kind, uint32_t threads);
   Executor& executor_of(const FrameMemory& memory) const;
   // Makes the image in the memory's layout, and fills in the report except what verification finds.
   absl::StatusOr<Drawn> draw_image(FrameMemory& memory, const Settings& settings, uint64_t sequence,

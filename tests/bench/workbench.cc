@@ -49,7 +49,7 @@ constexpr Variant kVariants[] = {
 
 }  // namespace
 
-absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads) {
+absl::StatusOr<Workbench> open_workbench(ExecutorKind executor, uint32_t threads) {
   prepare_driver_environment();
   DeviceOptions options;
   options.hang_limit = absl::Hours(1);  // a bake under valgrind takes longer than a device that hangs
@@ -59,7 +59,7 @@ absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads) 
   bench.device = *std::move(device);
   bench.pool = std::make_unique<TexturePool>(*bench.device, uint64_t{4} << 30, testing::real_clock());
   absl::StatusOr<std::unique_ptr<Renderer>> renderer =
-      Renderer::create(*bench.device, *bench.pool, passes, threads);
+      Renderer::create(*bench.device, *bench.pool, executor, threads);
   if (!renderer.ok()) return renderer.status();
   bench.renderer = *std::move(renderer);
   return bench;

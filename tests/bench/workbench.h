@@ -20,7 +20,7 @@ struct Workbench {
 
 // Also prepares the driver's environment, so call it before other threads read that. `threads`: of the host's
 // passes; 0: as many as CPUs.
-absl::StatusOr<Workbench> open_workbench(ExecutorKind passes, uint32_t threads = 0);
+absl::StatusOr<Workbench> open_workbench(ExecutorKind executor, uint32_t threads = 0);
 
 // Copies the frame's pixels into the renderer's memory.
 void copy_in(const testing::WireFrame& frame, FrameMemory& memory);

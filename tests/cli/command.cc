@@ -44,15 +44,15 @@ bool drain(int output, int error, Outcome& outcome) {
   return true;
 }
 
-// The built-in server's passes are those that CANDELA_TEST_PASSES names.
-std::vector<std::string> with_passes(std::vector<std::string> arguments) {
-  const char* passes = std::getenv("CANDELA_TEST_PASSES");
+// The built-in server has the executor that CANDELA_TEST_EXECUTOR names.
+std::vector<std::string> with_executor(std::vector<std::string> arguments) {
+  const char* executor = std::getenv("CANDELA_TEST_EXECUTOR");
   const auto says = [&arguments](const char* word) { return std::ranges::count(arguments, word) > 0; };
   const bool built_in = !says("--server") && std::getenv("CANDELA_SERVER") == nullptr;
-  if (passes == nullptr || arguments.empty() || !built_in || says("--passes") || says("--executor"))
-    return arguments;
+  if (executor == nullptr || arguments.empty() || !built_in || says("--executor")) return arguments;
   const std::set<std::string> rendering = {"render", "contact", "stream", "meter", "view", "environment"};
-  if (rendering.contains(arguments.front())) arguments.insert(arguments.begin() + 1, {"--passes", passes});
+  if (rendering.contains(arguments.front()))
+    arguments.insert(arguments.begin() + 1, {"--executor", executor});
   return arguments;
 }
 
@@ -61,7 +61,7 @@ Outcome run(const std::vector<std::string>& arguments, int signal, int ms,
   unsetenv("OCIO");  // a machine's own view would change every picture
   Pipe output, error;
   Outcome outcome;
-  const pid_t pid = spawn(program, with_passes(arguments), output.ends[1], error.ends[1]);
+  const pid_t pid = spawn(program, with_executor(arguments), output.ends[1], error.ends[1]);
   close(output.ends[1]);
   close(error.ends[1]);
   if (signal != 0 && pid > 0) {

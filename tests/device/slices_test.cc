@@ -122,11 +122,11 @@ WireFrame trying(uint32_t width, uint32_t height) {
 
 TEST_F(Slices, ALargeFramePausesInEveryPassAndOthersInBetweenChangeNoneOfItsBits) {
   const WireFrame other = natural(200, 120);
-  for (const ExecutorKind passes : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
-    if (passes == ExecutorKind::kHost && renderer().executor_kind() != ExecutorKind::kHost) continue;
-    Renderer& by = renderer_with(passes);
+  for (const ExecutorKind executor : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
+    if (executor == ExecutorKind::kHost && renderer().executor_kind() != ExecutorKind::kHost) continue;
+    Renderer& by = renderer_with(executor);
     for (const Case& c : large_frames()) {
-      SCOPED_TRACE(::testing::Message() << executor_word(passes) << ", " << c.name);
+      SCOPED_TRACE(::testing::Message() << executor_word(executor) << ", " << c.name);
       const WireFrame frame = trying(c.width, c.height);
       const auto render_it = [&] {
         return render_on(by, frame, c.settings, {.sequence = 3, .previous = {}});
@@ -141,7 +141,7 @@ TEST_F(Slices, ALargeFramePausesInEveryPassAndOthersInBetweenChangeNoneOfItsBits
         for (int i = 0; i < 5; ++i) ASSERT_OK(render_on(by, other, with_table(slices + i)));
       }
       ASSERT_TRUE(whole.ok() && (*sliced).ok()) << whole.status() << (*sliced).status();
-      std::cout << executor_word(passes) << ", " << c.name << ": " << slices << " slices\n";
+      std::cout << executor_word(executor) << ", " << c.name << ": " << slices << " slices\n";
       EXPECT_GE(slices, 20);
       EXPECT_EQ(image(whole->memory), image((*sliced)->memory));
       EXPECT_EQ(whole->report.exposure, (*sliced)->report.exposure);
@@ -191,9 +191,9 @@ std::vector<std::string> order_of_two(const std::function<std::shared_ptr<Frame>
 }
 
 TEST_F(Slices, ASmallFrameDoesNotWaitForAnOrdinaryLargeOneOnTheDeviceNorOnTheHost) {
-  for (const ExecutorKind passes : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
-    if (passes == ExecutorKind::kHost && renderer().executor_kind() != ExecutorKind::kHost) continue;
-    Renderer& by = renderer_with(passes);
+  for (const ExecutorKind executor : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
+    if (executor == ExecutorKind::kHost && renderer().executor_kind() != ExecutorKind::kHost) continue;
+    Renderer& by = renderer_with(executor);
     const auto make = [&](Size size) {
       const Settings settings = Settings::from({}).value();
       FrameMemory memory = by.allocate({size.width, size.height, v1::PIXEL_FORMAT_RGBA16F}, settings).value();

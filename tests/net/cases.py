@@ -112,7 +112,7 @@ def command(text: str, small: bool = False, server: bool = True, json_too: bool 
         name = name.replace(folder, "")
     if not server and json_too:
         name += " (built-in server)"
-        arguments += ("--passes", "device")  # the variable is candelad's
+        arguments += ("--executor", "device")  # the variable is candelad's
     return Case(name, small, program, arguments, only_exit)
 
 

@@ -28,8 +28,8 @@ FRAME_NS = 40_000_000  # of media time, between the frames of a session
 
 
 def passes_of_environment() -> dict[str, str]:
-    """CANDELA_TEST_PASSES for a candelad, as tests/support/passes.h has it."""
-    return {"CANDELA_PASSES": os.environ["CANDELA_TEST_PASSES"]} if "CANDELA_TEST_PASSES" in os.environ else {}
+    """CANDELA_TEST_EXECUTOR for a candelad, as tests/support/passes.h has it."""
+    return {"CANDELA_EXECUTOR": os.environ["CANDELA_TEST_EXECUTOR"]} if "CANDELA_TEST_EXECUTOR" in os.environ else {}
 
 
 def skip(reason: str) -> None:

@@ -94,12 +94,12 @@ def drivers_cache() -> None:
         serves(f"the driver's cache is {odd}", env={"MESA_SHADER_CACHE_DIR": odd, "XDG_CACHE_HOME": odd})
     cache = new_folder()
     environment = {"MESA_SHADER_CACHE_DIR": str(cache), "XDG_CACHE_HOME": str(cache)}
-    serves("the driver's cache is empty", "--passes", "device", env=environment)
+    serves("the driver's cache is empty", "--executor", "device", env=environment)
     kept = [file for file in cache.rglob("*") if file.is_file()]
     expect(kept, "the driver keeps nothing, so its cache was not tested")
     for file in kept:
         file.write_bytes(os.urandom(file.stat().st_size))
-    serves(f"the driver's cache is garbage, all {len(kept)} files of it", "--passes", "device", env=environment)
+    serves(f"the driver's cache is garbage, all {len(kept)} files of it", "--executor", "device", env=environment)
 
 
 def addresses() -> None:

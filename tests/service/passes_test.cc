@@ -21,9 +21,9 @@ class PassesMoved : public ::testing::Test {
     config.resume_keys = folder_.path("keys");
     write_file(config.resume_keys, "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n");
     ASSERT_EQ(chmod(config.resume_keys.c_str(), S_IRUSR), 0);
-    config.passes = ExecutorKind::kDevice;
+    config.executor = ExecutorKind::kDevice;
     device_ = start_server(config);
-    config.passes = ExecutorKind::kHost;
+    config.executor = ExecutorKind::kHost;
     absl::StatusOr<std::unique_ptr<Server>> host = Server::start(config, real_clock(), alarm_timers());
     if (absl::IsFailedPrecondition(host.status())) GTEST_SKIP() << host.status();
     ASSERT_OK(host);

@@ -17,7 +17,7 @@ std::unique_ptr<Server> ServiceTest::server_;
 
 Config test_config() {
   Config config;
-  config.passes = executor_of_environment();
+  config.executor = executor_of_environment();
   config.listen = {"127.0.0.1:0"};
   config.memory_budget_bytes = uint64_t{256} << 20;
   config.max_frame_bytes = uint64_t{64} << 20;

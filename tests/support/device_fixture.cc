@@ -52,9 +52,9 @@ Device& DeviceTest::device() { return *shared().device; }
 TexturePool& DeviceTest::pool() { return *shared().pool; }
 Renderer& DeviceTest::renderer() { return *shared().renderer; }
 
-Renderer& DeviceTest::renderer_with(ExecutorKind passes, uint32_t threads) {
-  std::unique_ptr<Renderer>& other = shared().others[{passes, threads}];
-  if (!other) other = Renderer::create(device(), pool(), passes, threads).value();
+Renderer& DeviceTest::renderer_with(ExecutorKind executor, uint32_t threads) {
+  std::unique_ptr<Renderer>& other = shared().others[{executor, threads}];
+  if (!other) other = Renderer::create(device(), pool(), executor, threads).value();
   return *other;
 }
 

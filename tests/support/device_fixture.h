@@ -25,7 +25,7 @@ class DeviceTest : public ::testing::Test {
   static TexturePool& pool();
   static Renderer& renderer();
   // On the same device. Made when it is first asked for; 0 threads: as many as CPUs.
-  static Renderer& renderer_with(ExecutorKind passes, uint32_t threads = 0);
+  static Renderer& renderer_with(ExecutorKind executor, uint32_t threads = 0);
 
   struct Rendered {
     FrameMemory memory;

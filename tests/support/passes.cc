@@ -5,7 +5,7 @@
 namespace candela::testing {
 
 ExecutorKind executor_of_environment() {
-  const char* word = std::getenv("CANDELA_TEST_PASSES");
+  const char* word = std::getenv("CANDELA_TEST_EXECUTOR");
   return word == nullptr ? ExecutorKind::kAuto : parse_executor(word).value();
 }
 

@@ -5,7 +5,7 @@
 
 namespace candela::testing {
 
-// The passes that the variable CANDELA_TEST_PASSES names, device or host. Without it, auto.
+// The passes that the variable CANDELA_TEST_EXECUTOR names, device or host. Without it, auto.
 ExecutorKind executor_of_environment();
 
 }  // namespace candela::testing

@@ -17,7 +17,7 @@ pid_t spawn(const std::string& program, const std::vector<std::string>& argument
   // The software driver leaks a little when it is unloaded. service_test looks for our own leaks.
   setenv("ASAN_OPTIONS", "detect_leaks=0", 0);
   // For candelad, as tests/support/passes.h has it.
-  if (const char* passes = std::getenv("CANDELA_TEST_PASSES")) setenv("CANDELA_PASSES", passes, 1);
+  if (const char* executor = std::getenv("CANDELA_TEST_EXECUTOR")) setenv("CANDELA_EXECUTOR", executor, 1);
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);

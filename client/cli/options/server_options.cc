@@ -54,7 +54,7 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
                choice.bakes ? "the best one)" : "a GPU, else host)"),
            choice.device);
   for (const auto& [name, section] :
-       {std::pair("--executor", kServerSection), std::pair("--passes", kHiddenSection)}) {
+       {std::pair("--executor", kServerSection), std::pair("--executor", kHiddenSection)}) {
     add_text(
         app, section, name, "WHO",
         "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
@@ -63,7 +63,7 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
           if (text != "auto" && text != "device" && text != "host") {
             return usage_error(absl::StrFormat("%s is \"%s\"; it must be auto, device or host", name, text));
           }
-          choice.passes = text;
+          choice.executor = text;
           return absl::OkStatus();
         });
   }
@@ -72,7 +72,7 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
 // Takes CANDELA_SERVER unless the line chooses another server.
 absl::Status take_variable(ServerChoice& choice) {
   const char* variable = std::getenv(kServerVariable);
-  if (!choice.source.empty() || !choice.device.empty() || !choice.passes.empty() || variable == nullptr ||
+  if (!choice.source.empty() || !choice.device.empty() || !choice.executor.empty() || variable == nullptr ||
       *variable == '\0') {
     return absl::OkStatus();
   }
@@ -164,11 +164,11 @@ absl::Status finish_server_options(ServerChoice& choice) {
     return usage_error(
         "--device chooses the built-in server's device and has no effect with --server; give one of them");
   }
-  if (!choice.address.empty() && !choice.passes.empty()) {
+  if (!choice.address.empty() && !choice.executor.empty()) {
     return usage_error(
         "--executor is an option of the built-in server and has no effect with --server; give one of them");
   }
-  if (absl::EqualsIgnoreCase(choice.device, "host") && choice.passes == "device") {
+  if (absl::EqualsIgnoreCase(choice.device, "host") && choice.executor == "device") {
     return usage_error("--device host is no Vulkan device, which --executor device needs; give one of them");
   }
   RETURN_IF_ERROR(take_variable(choice));

@@ -41,11 +41,11 @@ std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_na
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const ServerChoice& choice,
                                                                       bool measures_tiers) {
   Config config;
-  if (!choice.passes.empty()) {
-    ASSIGN_OR_RETURN(config.passes, parse_executor(choice.passes));
+  if (!choice.executor.empty()) {
+    ASSIGN_OR_RETURN(config.executor, parse_executor(choice.executor));
   }
   config.device = choice.device;
-  config.host_without_gpu = !choice.bakes && config.passes != ExecutorKind::kDevice;
+  config.host_without_gpu = !choice.bakes && config.executor != ExecutorKind::kDevice;
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   // Its one client may bring the largest panorama.
   config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;

@@ -121,11 +121,11 @@ def maps(daemon: Daemon) -> str:
     return pathlib.Path(f"/proc/{daemon.pid}/maps").read_text()
 
 
-def passes(bench: Bench, _: str) -> None:
+def executor(bench: Bench, _: str) -> None:
     for who in ("device", "host"):
-        with Daemon("--passes", who) as daemon:
+        with Daemon("--executor", who) as daemon:
             hold(info(daemon).device.passes == who, f"GetServerInfo says {info(daemon).device.passes}")
-    hold("auto, device or host" in words_of("--passes", "nobody", code=2), "the refusal does not name the choices")
+    hold("auto, device or host" in words_of("--executor", "nobody", code=2), "the refusal does not name the choices")
 
 
 def validation(bench: Bench, _: str) -> None:
@@ -252,7 +252,7 @@ def config(bench: Bench, _: str) -> None:
 
 
 ROWS = {option: limit(option) for option in LIMITS} | {
-    "--listen": listen, "--insecure": insecure, "--device": device, "--passes": passes, "--validation": validation,
+    "--listen": listen, "--insecure": insecure, "--device": device, "--executor": executor, "--validation": validation,
     "--max-calls": max_calls, "--max-connections": max_connections, "--client-share": client_share, "--encoder-threads": encoder_threads, "--idle-timeout": idle_timeout,
     "--drain-timeout": drain_timeout, "--pre-drain": pre_drain, "--resume-keys": resume_keys, "--resume-ttl": resume_ttl,
     "--metrics": metrics, "--log-level": log_level, "--log-json": log_json, "--config": config,

@@ -76,7 +76,7 @@ TEST(MeasurementReport, WritesAWholePageAndItsData) {
   const std::string panorama = folder.path("pano.exr");
   ASSERT_EQ(candela({"sample", "--panorama", panorama, "--size", "128x64", "-q"}).code, 0);
   const Outcome outcome = candela({"report", at, "--quick", "--megapixels", "0.02", "--images", odd_name,
-                                   "--panoramas", panorama, "--passes", "auto"});
+                                   "--panoramas", panorama, "--executor", "auto"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(says(outcome.out, at + "/index.html"));
 

@@ -287,7 +287,7 @@ TEST_F(KilledServer, TheSessionGoesOnOnAnotherOne) {
 }
 
 TEST_F(KilledServer, AnotherOneWithOtherBitsIsNamed) {
-  start({"--passes", "device"}, {"--passes", "host"});
+  start({"--executor", "device"}, {"--executor", "host"});
   ASSERT_NE(first_->address(), "");
   if (second_->address().empty()) GTEST_SKIP() << "this processor cannot make the passes";
   std::set<std::string> told;

@@ -185,17 +185,17 @@ TEST_F(WideGamut, LightThatRoundsToZeroAfterAMatrixIsNotNegative) {
 
 // So it is rounded like its neighbours, also in a frame with light that is negative.
 TEST_F(WideGamut, LightThatRoundsToZeroIsRoundedWithItsColour) {
-  const auto codes = [](float least, ExecutorKind passes) {
+  const auto codes = [](float least, ExecutorKind executor) {
     const WireFrame frame = make_frame(40, 40, v1::PIXEL_FORMAT_RGBA32F, [least](uint32_t x, uint32_t) {
       return x == 0 ? Texel{1, -0.5f, 0, 1} : Texel{0.1f, 0.7f, least, 1};
     });
-    const auto rendered = render_on(renderer_with(passes), frame, with_curve(v1::TONE_CURVE_LINEAR));
+    const auto rendered = render_on(renderer_with(executor), frame, with_curve(v1::TONE_CURVE_LINEAR));
     EXPECT_OK(rendered);
     return rendered.ok() ? image(rendered->memory) : std::vector<std::byte>();
   };
-  for (const ExecutorKind passes : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
-    EXPECT_EQ(codes(-0x1p-25f, passes), codes(0.0f, passes));
-    EXPECT_NE(codes(-0x1p-24f, passes), codes(0.0f, passes));  // here R and G are not halves
+  for (const ExecutorKind executor : {ExecutorKind::kDevice, ExecutorKind::kHost}) {
+    EXPECT_EQ(codes(-0x1p-25f, executor), codes(0.0f, executor));
+    EXPECT_NE(codes(-0x1p-24f, executor), codes(0.0f, executor));  // here R and G are not halves
   }
 }
 

@@ -197,7 +197,7 @@ Daemon daemon_with(const char* preloaded, const std::vector<std::string>& argume
 }
 
 TEST(Candelad, ADeviceThatRendersWronglyIsNotServed) {
-  Daemon daemon = daemon_with(WRONG_DRIVER, {"--listen", "127.0.0.1:0", "--passes", "device"});
+  Daemon daemon = daemon_with(WRONG_DRIVER, {"--listen", "127.0.0.1:0", "--executor", "device"});
   ASSERT_EQ(daemon.wait_until_listening(), "");
   EXPECT_EQ(daemon.wait(), 1);
   EXPECT_TRUE(says(daemon.errors(), "this device or its driver computes wrongly"));

@@ -21,7 +21,7 @@ constexpr absl::Duration kHangLimit = absl::Seconds(15);
 TEST(DeviceHang, FramesOfSingleCallsAreToldUnavailableAndTheServerStopsWithoutTheDevice) {
   std::atomic<int> gone = 0;
   Config config = test_config();
-  config.passes = ExecutorKind::kDevice;  // only the device hangs
+  config.executor = ExecutorKind::kDevice;  // only the device hangs
   config.hang_limit = kHangLimit;
   config.idle_timeout = absl::Minutes(1);
   ASSERT_OK_AND_ASSIGN(std::unique_ptr<Server> server,
@@ -56,9 +56,9 @@ TEST(DeviceHang, SessionsGoOnElsewhereWithTheSameBitsAndTheDaemonDrainsAndEndsWi
   ASSERT_EQ(chmod(keys.c_str(), S_IRUSR), 0);
   constexpr absl::Duration kDrain = absl::Seconds(30);
   Daemon hanging({"--listen", "127.0.0.1:0", "--resume-keys", keys, "--pre-drain", "10m", "--drain-timeout",
-                  absl::FormatDuration(kDrain), "--passes", "device"},
+                  absl::FormatDuration(kDrain), "--executor", "device"},
                  HANGING_CANDELAD);
-  Daemon good({"--listen", "127.0.0.1:0", "--resume-keys", keys, "--passes", "device"});
+  Daemon good({"--listen", "127.0.0.1:0", "--resume-keys", keys, "--executor", "device"});
   const std::string first = hanging.wait_until_listening(), second = good.wait_until_listening();
   ASSERT_TRUE(first != "" && second != "") << hanging.errors() << good.errors();
   const Film film = make_film(24, 320, 180);
@@ -88,7 +88,7 @@ TEST(DeviceHang, SessionsGoOnElsewhereWithTheSameBitsAndTheDaemonDrainsAndEndsWi
 
 TEST(DeviceHang, OneThatShowsDuringADrainDoesNotCutItShort) {
   Daemon hanging(
-      {"--listen", "127.0.0.1:0", "--pre-drain", "0", "--drain-timeout", "2m", "--passes", "device"},
+      {"--listen", "127.0.0.1:0", "--pre-drain", "0", "--drain-timeout", "2m", "--executor", "device"},
       HANGING_CANDELAD);
   SessionOptions options;
   options.servers = {hanging.wait_until_listening()};

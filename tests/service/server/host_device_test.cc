@@ -37,7 +37,7 @@ std::string bytes_of(const RenderResult& result) {
 
 TEST_F(HostDevice, RendersTheBitsOfTheHostInTheMemoryOfAVulkanDevice) {
   Config config = test_config();
-  config.passes = ExecutorKind::kHost;
+  config.executor = ExecutorKind::kHost;
   absl::StatusOr<std::unique_ptr<Server>> other = Server::start(config, real_clock(), alarm_timers());
   if (absl::IsFailedPrecondition(other.status())) GTEST_SKIP() << other.status();
   ASSERT_OK(other);
@@ -99,14 +99,14 @@ TEST_F(HostDevice, GoesOnAfterALossAndWithoutMemory) {
   EXPECT_REFUSED(kResourceExhausted, "memory", connection().render({}, view(natural(500, 500))));
 }
 
-absl::StatusOr<std::shared_ptr<RenderDevice>> open(const DeviceOptions& options, ExecutorKind passes) {
-  return open_render_device(options, uint64_t{64} << 20, real_clock(), passes);
+absl::StatusOr<std::shared_ptr<RenderDevice>> open(const DeviceOptions& options, ExecutorKind executor) {
+  return open_render_device(options, uint64_t{64} << 20, real_clock(), executor);
 }
 
 TEST_F(HostDevice, IsTakenWithoutAGpuOnly) {
-  for (const ExecutorKind passes : {ExecutorKind::kAuto, ExecutorKind::kHost}) {
-    ASSERT_OK_AND_ASSIGN(const auto opened, open({.selector = "", .host_without_gpu = true}, passes));
-    if (has_gpu() && passes == ExecutorKind::kAuto) continue;  // it may have no driver
+  for (const ExecutorKind executor : {ExecutorKind::kAuto, ExecutorKind::kHost}) {
+    ASSERT_OK_AND_ASSIGN(const auto opened, open({.selector = "", .host_without_gpu = true}, executor));
+    if (has_gpu() && executor == ExecutorKind::kAuto) continue;  // it may have no driver
     EXPECT_TRUE(opened->device->is_host());
     EXPECT_EQ(opened->renderer->executor_kind(), ExecutorKind::kHost);
   }

@@ -127,14 +127,14 @@ struct LongWork {
   const char* name;
   const char* is;
   std::function<void()> (*of)(const Server&);
-  ExecutorKind passes = executor_of_environment();
+  ExecutorKind executor = executor_of_environment();
 };
 
 class Turns : public ::testing::TestWithParam<LongWork> {};
 
 TEST_P(Turns, DelayNobodyMoreThanAFairNeighbour) {
   Config config = turns_config();
-  config.passes = GetParam().passes;
+  config.executor = GetParam().executor;
   const std::unique_ptr<Server> server = start_server(config);
   const Watched fair = beside_a_fair_neighbour(*server);
   const Repeated works(GetParam().of(*server));

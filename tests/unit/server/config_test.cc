@@ -133,7 +133,7 @@ TEST(Config, RefusesInOneLineThatNamesTheOption) {
       {{"--tls-cert", "c"}, "tls-cert is given without tls-key"},
       {{"--tls-key", "k"}, "tls-key is given without tls-cert"},
       {{"--tls-client-ca", "ca"}, "tls-client-ca"},
-      {{"--device", "host", "--passes", "device"}, "device is host and passes is device"},
+      {{"--device", "host", "--executor", "device"}, "device is host and executor is device"},
       {{"--log-level", "loud"}, "log-level"},
       {{"--listen", "nowhere"}, "nowhere"},
       {{"--lisen", "127.0.0.1:1"}, "unknown argument \"--lisen\"; did you mean --listen? see"},

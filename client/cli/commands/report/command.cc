@@ -199,7 +199,7 @@ std::string command_of(const ReportOptions& options) {
   add_one("--tls-key", security.key_file);
   add_one("--token-file", security.token_file);
   add_one("--device", options.server.device);
-  add_one("--executor", options.server.passes);
+  add_one("--executor", options.server.executor);
   return command;
 }
 
