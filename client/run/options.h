@@ -53,7 +53,6 @@ struct PictureOptions {
   v1::Settings settings;  // output_format fits the output's extension; only what the user gave is present
   ViewChoice view;        // its config is empty if the user chose no view
   std::string lut;        // --lut: becomes that view's configuration
-  std::string view_of_either;  // --view: becomes that of `view` with --ocio, else that of `shown`
   WriteOptions write;
   bool desqueeze = false;          // images have square pixels, whatever their files' have
   std::vector<std::string> notes;  // what the user should know before the result

@@ -18,7 +18,6 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
   add_session_options(app, options);
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
-  add_text(app, kHiddenSection, "--view", "NAME", "", options.shown.view);
   add_settings_options(app, options.settings, changes_metering);
   add_curve_options(app, options);
   add_json_option(app, kOutputSection,

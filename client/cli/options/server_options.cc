@@ -53,20 +53,17 @@ void add_security_and_device(CLI::App& app, ServerChoice& choice) {
                "name, or its index; host: without one (default: ",
                choice.bakes ? "the best one)" : "a GPU, else host)"),
            choice.device);
-  for (const auto& [name, section] :
-       {std::pair("--executor", kServerSection), std::pair("--executor", kHiddenSection)}) {
-    add_text(
-        app, section, name, "WHO",
-        "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
-        "(default: auto, which is host without a GPU if the processors can, else device)",
-        [&choice, name = std::string(name)](const std::string& text) {
-          if (text != "auto" && text != "device" && text != "host") {
-            return usage_error(absl::StrFormat("%s is \"%s\"; it must be auto, device or host", name, text));
-          }
-          choice.executor = text;
-          return absl::OkStatus();
-        });
-  }
+  add_text(
+      app, kServerSection, "--executor", "WHO",
+      "Render in this process, with the passes run by: device, host (this machine's processors) or auto "
+      "(default: auto, which is host without a GPU if the processors can, else device)",
+      [&choice](const std::string& text) {
+        if (text != "auto" && text != "device" && text != "host") {
+          return usage_error(absl::StrFormat("--executor is \"%s\"; it must be auto, device or host", text));
+        }
+        choice.executor = text;
+        return absl::OkStatus();
+      });
 }
 
 // Takes CANDELA_SERVER unless the line chooses another server.

@@ -19,9 +19,7 @@ constexpr Suffix kSuffixes[] = {{"TiB", 40}, {"GiB", 30}, {"MiB", 20}, {"KiB", 1
 // The power of two that `suffix` stands for, or -1 if it is unknown.
 int shift_of(const std::string& suffix) {
   for (const Suffix& known : kSuffixes) {
-    const std::string full = absl::AsciiStrToLower(known.text);
-    if (suffix == full || (!full.empty() && suffix == full.substr(0, 1)))
-      return static_cast<int>(known.shift);
+    if (suffix == absl::AsciiStrToLower(known.text)) return static_cast<int>(known.shift);
   }
   return -1;
 }

@@ -9,8 +9,7 @@
 
 namespace candela {
 
-// "512MiB", "2GiB", "1048576": bytes, optionally with KiB, MiB, GiB or TiB, or K, M, G or T. Case does not
-// matter.
+// "512MiB", "2GiB", "1048576": bytes, optionally with KiB, MiB, GiB or TiB. Case does not matter.
 absl::StatusOr<uint64_t> parse_bytes(const std::string& text);
 // Uses the largest suffix without a remainder: "512MiB".
 std::string format_bytes(uint64_t bytes);

@@ -80,7 +80,7 @@ class OcioInput : public ::testing::Test {
                  const std::string& view) {
     const std::string out = folder_.path("out.pfm");
     report_ = candela_json(
-        {"render", in, out, "--ocio", config, "--ocio-input", input, "--view", view, "--verify"});
+        {"render", in, out, "--ocio", config, "--ocio-input", input, "--ocio-view", view, "--verify"});
     const std::vector<float> shown = pfm_values(out);
     absl::StatusOr<Image> own = read_image(in, {}, {.own_values = true, .as_floats = true});
     if (!own.ok()) {
@@ -194,7 +194,7 @@ TEST_F(OcioInput, AViewOfDataShowsTheFilesValues) {
   const std::string raw = folder_.path("raw.pfm");
   // Whatever the primaries are, with or without an input.
   const auto plain =
-      candela_json({"render", in, raw, "--ocio", studio_, "--view", "Raw", "--primaries", "acescg"});
+      candela_json({"render", in, raw, "--ocio", studio_, "--ocio-view", "Raw", "--primaries", "acescg"});
   EXPECT_EQ(pfm_values(raw), pfm_values(folder_.path("out.pfm")));
   EXPECT_TRUE(says(plain.at("notes").dump(), "--primaries changes nothing"));
 }

@@ -140,7 +140,7 @@ TEST_F(Ocio, OneNegativePixelAddsNoErrorToTheOthers) {
     const std::string in = folder_.path("float.pfm");
     write_file(in, pfm);
     const auto report =
-        candela_json({"render", in, folder_.path("float-out.pfm"), "--ocio", studio_, "--view", "Plain",
+        candela_json({"render", in, folder_.path("float-out.pfm"), "--ocio", studio_, "--ocio-view", "Plain",
                       "--verify", "--bloom-intensity", "0", "--exposure", "0"});
     return report["verify_view"]["mean_error_codes"].get<double>();
   };
@@ -191,7 +191,7 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
   };
   expect_error(render({"--ocio", studio_, "--display", "TV"}), 3,
                "has no display \"TV\"; there are: sRGB, Cinema");
-  expect_error(render({"--ocio", studio_, "--view", "Film"}), 3,
+  expect_error(render({"--ocio", studio_, "--ocio-view", "Film"}), 3,
                "has no view \"Film\" for display \"sRGB\"; there are: ACES, Plain");
   expect_error(render({"--ocio", studio_, "--ocio-input", "XYZ"}), 3,
                "has no colour space \"XYZ\"; there are: ");
@@ -202,10 +202,10 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
   expect_error(render({"--ocio", folder_.path("empty.ocio")}), 3, "OpenColorIO cannot use it: ");
   expect_error(render({"--display", "sRGB"}), 2,
                "--display is part of an OpenColorIO configuration; name one with --ocio CONFIG");
-  expect_error(render({"--view", "ACES"}), 3, "there is no view \"ACES\"; the file names no views");
+  expect_error(render({"--exr-view", "ACES"}), 3, "there is no view \"ACES\"; the file names no views");
   expect_error(render({"--ocio-input", "ACEScg"}), 2, "--ocio-input is part of");
   expect_error(render({"--ocio", studio_, "--curve", "agx"}), 2, "--ocio replaces --curve");
-  expect_error(render({"--ocio", studio_, "--view", ""}), 2, "--view is empty");
+  expect_error(render({"--ocio", studio_, "--ocio-view", ""}), 2, "--ocio-view is empty");
   expect_error(render({"--curve", "table"}), 2, "unknown curve \"table\"");
 }
 
@@ -314,7 +314,7 @@ TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
   const std::string shown = read_file(out);
   ASSERT_EQ(candela({"render", in_, out, "--ocio", studio_}).code, 0);
   EXPECT_EQ(read_file(out), shown);
-  EXPECT_EQ(with(studio_, {"--view", "Plain"}).code, 0);
+  EXPECT_EQ(with(studio_, {"--ocio-view", "Plain"}).code, 0);
   EXPECT_NE(read_file(out), shown);
 
   // A curve, another configuration and an empty variable do without it.

@@ -198,7 +198,7 @@ TEST_F(Failure, MissingPartsLayersAndViewsListWhatThereIs) {
     };
     expect_error(with("--part", "2"), 3, "there is no part \"2\"; there are: 1");
     expect_error(with("--layer", "depth"), 3, "there is no layer \"depth\"; there are: B, G, R");
-    expect_error(with("--view", "left"), 3, "there is no view \"left\"; the file names no views");
+    expect_error(with("--exr-view", "left"), 3, "there is no view \"left\"; the file names no views");
   }
   expect_error(candela({"stream", in_, folder_.path("%04d.png"), "--layer", "depth"}), 3,
                "there are: B, G, R");

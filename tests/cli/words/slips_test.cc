@@ -154,6 +154,8 @@ TEST_F(Slips, OptionsOfOtherProgramsAreTranslated) {
               "unknown option -o; the output is the last argument; see candela");
   expect_line(render({"--gamma", "2.2"}), 2, "--transfer gamma22 is that of a display");
   expect_line({"stream", in_, folder_.path("frames"), "--frames", "3"}, 2, "--range chooses frames");
+  expect_line(render({"--view", "left"}), 2, "--ocio-view names a view of --ocio, --exr-view one of an");
+  expect_line({"meter", in_, "--view", "left"}, 2, "--exr-view names a view of an OpenEXR file; see candela");
   expect_line(render({"--alpha", "none"}), 2, "ignore takes every pixel as opaque");
   EXPECT_EQ(candela({"info", "--frames"}).err,
             "candela: error: unknown option --frames; see candela info --help\n");

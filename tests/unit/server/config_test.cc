@@ -226,10 +226,10 @@ TEST(Units, BytesAndTimes) {
   EXPECT_EQ(parse_bytes("0").value(), 0u);
   EXPECT_EQ(parse_bytes("1048576").value(), 1048576u);
   EXPECT_EQ(parse_bytes("512MiB").value(), uint64_t{512} << 20);
-  EXPECT_EQ(parse_bytes("2g").value(), uint64_t{2} << 30);
+  EXPECT_EQ(parse_bytes("2gib").value(), uint64_t{2} << 30);
   EXPECT_EQ(parse_bytes("16777215TiB").value(), uint64_t{16777215} << 40);
   for (const char* bad :
-       {"", "GiB", "-1", "1.5GiB", "16777216TiB", "1 GiB", "1GB", "0x10", "99999999999999999999"}) {
+       {"", "GiB", "-1", "1.5GiB", "16777216TiB", "1 GiB", "1GB", "1G", "0x10", "99999999999999999999"}) {
     EXPECT_FALSE(parse_bytes(bad).ok()) << bad;
   }
   for (uint64_t bytes : {uint64_t{0}, uint64_t{1}, uint64_t{1024}, uint64_t{3} << 30, ~uint64_t{0}}) {

@@ -188,7 +188,6 @@ void add_environment_options(CLI::App& app, EnvironmentArguments& arguments) {
   add_cube_options(app, arguments);
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
-  add_text(app, kHiddenSection, "--view", "NAME", "", options.shown.view);
   add_settings_options(app, options.settings, is_about_panoramas);
   add_files(app, options);
   app.add_flag("--verify", options.verify, "Measure each level's error against the float64 reference")

@@ -83,7 +83,6 @@ void add_view_options(CLI::App& app, PictureOptions& options) {
       "Values at the ends of a LUT whose file does not say them, such as -10,6 stops with --lut-input log2 "
       "(default: as the file says, or 0,1)",
       [&view](const std::string& text) { return take_domain(text, view); });
-  add_text(app, kHiddenSection, "--view", "NAME", "", options.view_of_either);
 }
 
 absl::Status finish_view_options(PictureOptions& options, const std::string& output, bool encoded) {
@@ -95,10 +94,6 @@ absl::Status finish_view_options(PictureOptions& options, const std::string& out
   if (view.config.empty() && !curve && variable != nullptr && *variable != '\0') {
     view.config = variable;
     view.source = "$OCIO";
-  }
-  if (!options.view_of_either.empty()) {
-    const bool of_ocio = !view.config.empty() && view.lut_input.empty();
-    (of_ocio ? view.view : options.shown.view) = options.view_of_either;
   }
   if (view.config.empty()) {
     for (const auto& [name, value] :

@@ -9,9 +9,8 @@
 
 namespace candela {
 
-// Defines --ocio, --display, --ocio-view and --ocio-input, and the hidden --view: with --ocio it is
-// --ocio-view, else
-// --exr-view. Parsing fills `options`, which outlive the app.
+// Defines --ocio, --display, --ocio-view, --ocio-input and the options of --lut. Parsing fills `options`,
+// which outlive the app.
 void add_view_options(CLI::App& app, PictureOptions& options);
 
 // After parsing: takes the configuration of the variable OCIO if there is none, unless the user chose a

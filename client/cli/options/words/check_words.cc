@@ -27,6 +27,8 @@ constexpr std::pair<const char*, const char*> kOfOthers[] = {
     {"--colorspace", "--primaries are those of the input"},
     {"--resize", "an image keeps its size"},
     {"--scale", "an image keeps its size; --prescale multiplies its light"},
+    {"--view", "--ocio-view names a view of --ocio, --exr-view one of an OpenEXR file"},
+    {"--view", "--exr-view names a view of an OpenEXR file"},
     {"--start", "--range chooses frames"},
     {"--end", "--range chooses frames"},
     {"--frames", "--range chooses frames"}};

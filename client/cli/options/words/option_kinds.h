@@ -21,9 +21,6 @@ struct OptionError {
   absl::Status status;
 };
 
-// The section of names that are not in the help, because there are better ones.
-inline constexpr char kHiddenSection[] = "";
-
 // Adds an option to a section of the help. `set` accepts or refuses its text, which is not empty: a script
 // that gives "" lacks a value, and must not turn the option off silently. An empty variable of the
 // environment counts as none. If the option is given twice, the last one counts.
