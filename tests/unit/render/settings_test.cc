@@ -144,7 +144,7 @@ TEST(Settings, EachOptionSetsOneSettingOrIsKnownToSetMore) {
   }
 }
 
-// A default that changes breaks clients; docs/compatibility.md. A new setting's default joins the list.
+// A default that changes gives the same request another image. A new setting's default joins the list.
 TEST(Settings, AbsentSettingsTakeTheirDefaults) {
   constexpr char kDefaults[] = R"pb(
     exposure {
