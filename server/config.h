@@ -47,9 +47,6 @@ struct Config {
   LogLevel log_level = LogLevel::kInfo;  // for candelad; an embedded server ignores both log fields
   bool log_json = false;                 // one JSON object per line
 
-  // Has no option. The server measures its tiers with the default settings after its start, for
-  // GetServerInfo.
-  bool measure_tiers = false;
   // Has no option. If `device` is empty, the server uses a Vulkan device only if it is a GPU, or if the host
   // cannot make the passes.
   bool host_without_gpu = false;

@@ -3,7 +3,6 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 
 #include "absl/hash/hash.h"
@@ -17,7 +16,6 @@
 #include "server/base/process/cgroup.h"
 #include "server/base/process/descriptors.h"
 #include "server/base/process/driver_environment.h"
-#include "server/base/slices.h"
 #include "server/base/status_macros.h"
 #include "server/base/stop_sign.h"
 #include "server/base/words/units.h"
@@ -93,8 +91,6 @@ struct Server::Impl {
   absl::Status serve_metrics();
   void open_memory_door();
   absl::Status listen();
-  // Measures the tiers for GetServerInfo, in turn with the clients.
-  void measure_tiers();
   // These two run on the render thread.
   absl::StatusOr<FrameReport> render(const FrameJob& job);
   absl::Status beat();
@@ -108,9 +104,6 @@ struct Server::Impl {
   std::unique_ptr<Metrics> metrics;
   std::unique_ptr<DeviceKeeper> devices;
   std::unique_ptr<RenderLoop> loop;
-  std::optional<Ticket> measuring;
-  absl::Mutex tier_times_mutex;
-  TierTimes tier_times ABSL_GUARDED_BY(tier_times_mutex);
   std::unique_ptr<WorkerThreads> encoders;
   std::unique_ptr<ServiceState> state;
   std::unique_ptr<RenderService> service;
@@ -149,11 +142,6 @@ void Server::Impl::make_service(TokenKeys keys, Timers& timers) {
       .timers = timers,
       .rendering = {.renderer = [d = devices.get()] { return d->renderer(); },
                     .loop = *loop,
-                    .tier_times =
-                        [this] {
-                          const absl::MutexLock lock(&tier_times_mutex);
-                          return tier_times;
-                        },
                     .encoders = *encoders,
                     .device = device.name,
                     .bits = opened->bits},
@@ -232,27 +220,6 @@ absl::Status Server::Impl::listen() {
   return absl::OkStatus();
 }
 
-void Server::Impl::measure_tiers() {
-  if (!config.measure_tiers) return;
-  FrameJob job;
-  job.flow = state->sessions.next_flow.fetch_add(2);
-  job.task = [this] {
-    const std::shared_ptr<Renderer> renderer = devices->renderer();  // outlives its memory
-    absl::StatusOr<TierTimes> measured = candela::measure_tiers(*renderer);
-    if (measured.ok()) {
-      const absl::MutexLock lock(&tier_times_mutex);
-      tier_times = *std::move(measured);
-      return absl::OkStatus();
-    }
-    // The times are missing from the answers then, and the frames that fail next say why.
-    log_event(LogLevel::kWarning, "tiers not measured",
-              {{"reason", std::string(measured.status().message())}});
-    return measured.status();
-  };
-  job.done = [](const absl::StatusOr<RenderedFrame>&) {};
-  if (const absl::StatusOr<Ticket> ticket = loop->submit(std::move(job)); ticket.ok()) measuring = *ticket;
-}
-
 absl::StatusOr<FrameReport> Server::Impl::render(const FrameJob& job) {
   absl::StatusOr<FrameReport> report = run_job(job);
   devices->job_ended(job.frame == nullptr ? nullptr : job.frame->renderer.get(), report.status());
@@ -298,7 +265,6 @@ void Server::Impl::stop(absl::Duration grace) {
     listener.server->Wait();
   }
   heartbeat->stop();
-  if (measuring) loop->cancel(*measuring);
   loop->stop();
   encoders->stop();
   listener.server.reset();
@@ -338,7 +304,6 @@ absl::StatusOr<std::unique_ptr<Server>> Server::start(const Config& asked, Clock
   server->impl_->descriptors = choose_descriptors(config.max_connections);
   RETURN_IF_ERROR(server->impl_->serve_metrics());
   RETURN_IF_ERROR(server->impl_->listen());
-  server->impl_->measure_tiers();
   log_limits(cgroup, budget, server->impl_->descriptors, config);
   return server;
 }

@@ -55,7 +55,7 @@ class _Dataclasses:
     def _make(self, message: Any) -> None:
         if message.name in self._made:
             return
-        fields = [field for field in message.fields if not field.GetOptions().deprecated]
+        fields = message.fields
         for field in fields:
             if field.message_type is not None:
                 self._make(field.message_type)

@@ -168,7 +168,6 @@ int serve(const Invocation& invocation) {
   RealClock clock;
   AlarmTimers timers;
   Config config = invocation.config;
-  config.measure_tiers = true;
 #ifdef CANDELA_HANG_AFTER
   config.hang_limit = absl::Seconds(15);
 #endif

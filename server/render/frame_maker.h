@@ -73,8 +73,7 @@ class FrameMaker {
 
   // The two halves of render(). The caller decides the exposure between them, and may meter or draw other
   // frames before it calls draw(), once. If max_error_codes has to choose the tier, draw() does; the device
-  // has metered the frame, unless only the reference can keep it. FAILED_PRECONDITION if no tier within
-  // max_ms keeps it.
+  // has metered the frame, unless only the reference can keep it.
   virtual absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings) = 0;
   virtual absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, const Exposed& exposed) = 0;

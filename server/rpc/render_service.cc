@@ -25,17 +25,6 @@ constexpr int kBakeEnvironmentIndex = 6;
 
 using RawHandler = grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>;
 
-void add_times(const TierTimes& times, v1::GetServerInfoResponse& info) {
-  for (size_t i = 0; i < times.size(); ++i) {
-    for (const MeasuredTime& time : times[i]) {
-      v1::TierTime& row = *info.mutable_tiers(static_cast<int>(i))->add_times();
-      row.set_width(time.width);
-      row.set_height(time.height);
-      row.set_ms(time.ms);
-    }
-  }
-}
-
 }  // namespace
 
 RenderService::RenderService(ServiceState& state, std::function<PoolCounters()> pool,
@@ -75,7 +64,6 @@ grpc::ServerUnaryReactor* RenderService::GetServerInfo(grpc::CallbackServerConte
                                                        const v1::GetServerInfoRequest*,
                                                        v1::GetServerInfoResponse* response) {
   *response = info_;
-  add_times(state_.rendering.tier_times(), *response);
   const PoolCounters counters = pool_();
   v1::PoolInfo& pool = *response->mutable_pool();
   pool.set_hits(counters.hits);

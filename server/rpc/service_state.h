@@ -12,7 +12,6 @@
 #include "server/base/metrics.h"
 #include "server/base/worker_pool.h"
 #include "server/render/frame_maker.h"
-#include "server/render/tier_times.h"
 #include "server/schedule/render_steps.h"
 #include "server/session/environments/environment_store.h"
 #include "server/session/limits/call_gate.h"
@@ -26,8 +25,6 @@ struct Rendering {
   // The renderer of the current device. A frame asks once and keeps it, because its memory lives there.
   std::function<std::shared_ptr<FrameMaker>()> renderer;
   RenderSteps& loop;
-  // Of the device that the server started with; empty until they are measured.
-  std::function<TierTimes()> tier_times;
   WorkerPool& encoders;
   const std::string device;  // name of the Vulkan device
   const std::string bits;    // see DeviceInfo

@@ -12,7 +12,6 @@
 #include "proto/candela/v1/settings.h"
 #include "server/render/reference/verify.h"
 #include "server/render/settings/error_bound.h"
-#include "server/render/tier_times.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
@@ -293,16 +292,6 @@ TEST_F(Promises, ImagesAreThoseOfTheTier) {
       EXPECT_TRUE(image(promised.memory) == image(same.memory)) << promised.report.tier << " for " << codes;
       EXPECT_EQ(promised.report.exposure, same.report.exposure);
     }
-  }
-}
-
-TEST_F(Tiers, EachHasATimeForTwoSizes) {
-  ASSERT_OK_AND_ASSIGN(const TierTimes times, measure_tiers(renderer()));
-  ASSERT_EQ(times.size(), tiers().size());
-  for (const std::vector<MeasuredTime>& tier : times) {
-    ASSERT_EQ(tier.size(), 2u);
-    EXPECT_LT(tier[0].width * tier[0].height, tier[1].width * tier[1].height);
-    for (const MeasuredTime& time : tier) EXPECT_GT(time.ms, 0);
   }
 }
 

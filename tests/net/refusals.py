@@ -29,7 +29,7 @@ def settings_refused(v1) -> dict:
         out |= {f"bloom {name} {value}": v1.Settings(bloom=bloom(**{name: value})) for value in values}
     for name, values in {"curve": (99,), "prescale": (0, 2e12, nan), "transfer": (99,), "output_format": (99,),
                          "bad_values": (99,), "tier": ("fast",), "curve_white": (0, 2e9, nan),
-                         "input_primaries": (99,), "max_error_codes": (-1, 256), "max_ms": (0, 2e9)}.items():
+                         "input_primaries": (99,), "max_error_codes": (-1, 256)}.items():
         out |= {f"{name} {value}": v1.Settings(**{name: value}) for value in values}
     out |= {"conserve above 1": v1.Settings(bloom=bloom(kind=bloom.KIND_CONSERVE, intensity=1.5)),
             "percentiles alike": metered(percentile_low=50, percentile_high=50),

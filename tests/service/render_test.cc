@@ -1,5 +1,4 @@
 // Render calls that succeed.
-#include <google/protobuf/text_format.h>
 #include <grpcpp/support/byte_buffer.h>
 
 #include <algorithm>
@@ -214,13 +213,6 @@ TEST_P(Render, APromiseChoosesTheTier) {
 
   settings.set_tier("draft");
   EXPECT_TRUE(absl::IsInvalidArgument(connection().render(settings, view(frame)).status()));
-}
-
-TEST_P(Render, ASettingThatIsNoMoreIsRefusedByName) {
-  v1::Settings settings;
-  ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString("max_ms: 5", &settings));
-  EXPECT_REFUSED(kInvalidArgument, "max_ms is no longer a setting",
-                 connection().render(settings, view(natural(8, 8))));
 }
 
 TEST_P(Render, TheNewSettingsArrive) {

@@ -6,8 +6,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/time/clock.h"
-#include "absl/time/time.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
 #include "client/base/usage.h"
@@ -34,9 +32,6 @@
 namespace candela {
 namespace {
 
-constexpr absl::Duration kMeasuringTimeout = absl::Seconds(20);
-constexpr absl::Duration kMeasuringPause = absl::Milliseconds(20);
-
 template <typename Enum, typename Values>
 std::vector<std::string> words_of(const Values& values) {
   std::vector<std::string> words;
@@ -56,18 +51,14 @@ struct Words {
 
 std::string mib(uint64_t bytes) { return in_digits(static_cast<double>(bytes) / (1 << 20), 4) + " MiB"; }
 
-// "within 0.0851 codes, with bloom without a bound; 1024x512 in 8.2 ms"
+// "within 0.0851 codes, with bloom without a bound"
 std::string numbers_of(const v1::Tier& tier) {
   const auto codes = [](double bound) {
     return bound >= 0 && bound < 255 ? absl::StrCat("within ", rounded_up(bound), " codes")
                                      : std::string("without a bound");
   };
-  std::string text = absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),
-                                     codes(tier.max_error_codes_with_bloom()));
-  for (const v1::TierTime& time : tier.times()) {
-    absl::StrAppendFormat(&text, "; %dx%d in %s ms", time.width(), time.height(), in_digits(time.ms(), 3));
-  }
-  return text;
+  return absl::StrFormat("%s, with bloom %s", codes(tier.max_error_codes()),
+                         codes(tier.max_error_codes_with_bloom()));
 }
 
 std::string driver_of(const v1::DeviceInfo& device) {
@@ -101,7 +92,6 @@ std::string to_text(const v1::GetServerInfoResponse& info, const std::string& ad
   }
   line("",
        "These errors hold for the default settings, an exposure of at most 1 and no negative components.");
-  line("", "The times are of frames where everything blooms.");
   line("limits", absl::StrFormat("%d pixels per side, %s per frame, %s per band, %s for textures",
                                  limits.max_dimension(), mib(limits.max_frame_bytes()),
                                  mib(limits.max_band_bytes()), mib(limits.memory_budget_bytes())));
@@ -148,15 +138,10 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
   const Words words(info);
   nlohmann::ordered_json tiers = nlohmann::ordered_json::array();
   for (const v1::Tier& tier : info.tiers()) {
-    nlohmann::ordered_json times = nlohmann::ordered_json::array();
-    for (const v1::TierTime& time : tier.times()) {
-      times.push_back({{"width", time.width()}, {"height", time.height()}, {"ms", time.ms()}});
-    }
     tiers.push_back({{"name", tier.name()},
                      {"summary", tier.summary()},
                      {"max_error_codes", tier.max_error_codes()},
-                     {"max_error_codes_with_bloom", tier.max_error_codes_with_bloom()},
-                     {"times", times}});
+                     {"max_error_codes_with_bloom", tier.max_error_codes_with_bloom()}});
   }
   nlohmann::ordered_json settings = nlohmann::ordered_json::array();
   for (const v1::SettingInfo& setting : info.settings()) settings.push_back(to_json(setting));
@@ -198,15 +183,8 @@ std::string to_json(const v1::GetServerInfoResponse& info, const std::string& ad
 
 absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
   RunEvents silent;
-  ServerLink link(options.server, silent, /*measures_tiers=*/true);
-  absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
-  // The built-in server has just begun to measure, unless an earlier one did.
-  for (const absl::Time limit = absl::Now() + kMeasuringTimeout;
-       options.server.address.empty() && info.ok() && info->tiers(0).times().empty() &&
-       absl::Now() < limit;) {
-    absl::SleepFor(kMeasuringPause);
-    info = link.info();
-  }
+  ServerLink link(options.server, silent);
+  const absl::StatusOr<v1::GetServerInfoResponse> info = link.info();
   if (!info.ok()) return info.status();
   const std::string& address = options.server.address;
   if (!json.to_stdout()) {

@@ -38,8 +38,7 @@ uint64_t EmbeddedServer::usable_memory_bytes() {
 
 std::vector<std::string> EmbeddedServer::daemon_variables() { return variable_names(); }
 
-absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const ServerChoice& choice,
-                                                                      bool measures_tiers) {
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const ServerChoice& choice) {
   Config config;
   if (!choice.executor.empty()) {
     ASSIGN_OR_RETURN(config.executor, parse_executor(choice.executor));
@@ -49,7 +48,6 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::start(const Serv
   config.memory_budget_bytes = kDefaultMemoryBudgetBytes;
   // Its one client may bring the largest panorama.
   config.environment_budget_bytes = kDefaultMemoryBudgetBytes / 2;
-  config.measure_tiers = measures_tiers;
   std::unique_ptr<EmbeddedServer> embedded(new EmbeddedServer());
   ASSIGN_OR_RETURN(embedded->server_, Server::start(config, embedded->time_->clock, embedded->time_->timers));
   return embedded;

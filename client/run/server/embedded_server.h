@@ -32,8 +32,7 @@ class EmbeddedServer {
   static std::vector<std::string> daemon_variables();
 
   // Takes tens of milliseconds, and hundreds with a Vulkan device.
-  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const ServerChoice& choice,
-                                                               bool measures_tiers = false);
+  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> start(const ServerChoice& choice);
   ~EmbeddedServer();
 
   // Do not use the channel after this object is destroyed.

@@ -32,8 +32,7 @@ absl::StatusOr<v1::GetServerInfoResponse> ask_info(const Connection& server) {
 
 }  // namespace
 
-ServerLink::ServerLink(const ServerChoice& choice, RunEvents& events, bool measures_tiers)
-    : choice_(choice), events_(events) {
+ServerLink::ServerLink(const ServerChoice& choice, RunEvents& events) : choice_(choice), events_(events) {
   if (!choice_.address.empty()) return;
   absl::Status room = check_address_space(server_bytes(), "the built-in server",
                                           ", or name a running candelad with --server");
@@ -44,10 +43,10 @@ ServerLink::ServerLink(const ServerChoice& choice, RunEvents& events, bool measu
     return;
   }
   EmbeddedServer::prepare();
-  starting_ = std::async(std::launch::async, [this, measures_tiers]() -> Started {
+  starting_ = std::async(std::launch::async, [this]() -> Started {
     try {
       const absl::Time begin = absl::Now();
-      Started server = EmbeddedServer::start(choice_, measures_tiers);
+      Started server = EmbeddedServer::start(choice_);
       if (!server.ok()) return failure_of(FailureKind::kServer, server.status());
       start_ms_ = absl::ToDoubleMilliseconds(absl::Now() - begin);
       return server;

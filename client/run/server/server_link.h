@@ -26,8 +26,8 @@ class ServerLink {
  public:
   // Starts the built-in server on another thread if the choice names
   // no server, so that files can be read meanwhile. `events`, which must outlive this, gets a note of a wait
-  // for a server. The built-in server measures its tiers at once if `measures_tiers` is set.
-  ServerLink(const ServerChoice& choice, RunEvents& events, bool measures_tiers = false);
+  // for a server.
+  ServerLink(const ServerChoice& choice, RunEvents& events);
   ~ServerLink() { close(); }
   ServerLink(const ServerLink&) = delete;
   ServerLink& operator=(const ServerLink&) = delete;

@@ -172,13 +172,6 @@ const std::vector<SettingField>& setting_fields() {
 }
 
 absl::Status complete_settings(Settings& settings) {
-  std::vector<const FieldDescriptor*> given;
-  settings.GetReflection()->ListFields(settings, &given);
-  for (const FieldDescriptor* field : given) {
-    if (!field->options().deprecated()) continue;
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s is no longer a setting; leave it out", field->name()));
-  }
   // Choices first: ranges and defaults of numbers may depend on them.
   for (const SettingField& field : setting_fields()) {
     if (field.field->cpp_type() != FieldDescriptor::CPPTYPE_ENUM) continue;

@@ -7,7 +7,6 @@
 #include <map>
 #include <string>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/image/image.h"
 #include "tests/cli/command.h"
@@ -253,8 +252,8 @@ TEST_F(Report, InfoSaysWhatTheServerIs) {
   EXPECT_EQ(candela_json({"render", in_, out_}).at("device"), info.at("device").at("name"));
 }
 
-// Every tier has its times and its error bounds, and the text rounds no bound down.
-TEST_F(Report, InfoHasEachTiersTimesAndErrors) {
+// Every tier has its error bounds, and the text rounds no bound down.
+TEST_F(Report, InfoHasEachTiersErrors) {
   const nlohmann::json info = candela_json({"info"});
   const std::vector<std::string> lines = absl::StrSplit(candela({"info"}).out, '\n');
   std::vector<std::string> names;
@@ -265,13 +264,6 @@ TEST_F(Report, InfoHasEachTiersTimesAndErrors) {
       return text.starts_with("  tier       " + names.back() + ": ");
     });
     ASSERT_TRUE(line != lines.end() && ++line != lines.end());
-    ASSERT_EQ(tier.at("times").size(), 2u);
-    for (const nlohmann::json& time : tier.at("times")) {
-      EXPECT_GT(time.at("ms").get<double>(), 0);
-      const std::string size =
-          absl::StrCat("; ", time.at("width").get<int>(), "x", time.at("height").get<int>());
-      EXPECT_NE(line->find(size + " in "), std::string::npos) << *line;
-    }
     const double plain = tier.at("max_error_codes"), blooms = tier.at("max_error_codes_with_bloom");
     EXPECT_LE(plain, blooms);
     double said = -1, said_with_bloom = 255;
@@ -311,7 +303,6 @@ TEST_F(Report, InfoListsTheSettings) {
   EXPECT_EQ(settings["bloom.firefly_weights"].at("default"), true);
   EXPECT_EQ(settings["dither"].at("default"), false);
   EXPECT_EQ(settings["max_error_codes"].at("default"), nullptr);
-  EXPECT_FALSE(settings.contains("max_ms")) << "it is deprecated";
   EXPECT_TRUE(says(candela({"info", "--help"}).out, "candela info --json"));
 }
 

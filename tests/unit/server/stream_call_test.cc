@@ -164,12 +164,8 @@ class StreamCallTest : public ::testing::Test {
   ServiceState state_{
       .clock = clock_,
       .timers = timers_,
-      .rendering = {.renderer = nullptr,
-                    .loop = steps_,
-                    .tier_times = nullptr,
-                    .encoders = encoders_,
-                    .device = "device",
-                    .bits = "bits"},
+      .rendering =
+          {.renderer = nullptr, .loop = steps_, .encoders = encoders_, .device = "device", .bits = "bits"},
       .limits = {{.max_dimension = 8, .max_frame_bytes = 4096}, kIdleTimeout, /*max_frames_in_flight=*/2},
       .metrics = metrics_,
       .call_gate = CallGate("calls", 1),

@@ -273,7 +273,6 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
     row = verified_row(session, std::move(row), settings, frame, std::nullopt);
     rows.push_back(timed_row(session, std::move(row), settings, timed));
   }
-  if (!session.curve("bt2390")) return rows;  // an older server
   for (const v1::ToneCurve curve : {v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_ACES_2}) {
     for (const v1::Transfer transfer : {v1::TRANSFER_PQ, v1::TRANSFER_HLG}) {
       const std::string words = absl::StrCat(v1::word_of(curve), " in ", v1::word_of(transfer));
