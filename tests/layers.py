@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Fails if an include climbs: a folder may include itself and what ALLOWED names for it. Fails if folders include each other in a
-circle, if client and server both define a type of one name, or if they read the time themselves."""
+circle, if client and server both define a type of one name, if they read the time themselves, or if an exposure takes a power
+or logarithm of the C library."""
 import pathlib
 import re
 import sys
@@ -24,8 +25,9 @@ for storey in SERVER[1:]:
     for folder in storey:
         ALLOWED[folder] = ["proto", "shaders"] + above
     above += storey
-# The one door from the client into the server.
-DOORS = {"client/run/server/embedded_server.cc": ["server", "server/base"]}
+# The one door from the client into the server, and the exposures that both compute.
+DOORS = {"client/run/server/embedded_server.cc": ["server", "server/base"],
+         "client/run/exposure/exposure_file.cc": ["server/render/color"]}
 
 # What reads the machine's time or waits by it. Server and client library take a Clock instead (server/base/clock.h), except for:
 TIME = re.compile(r"\babsl::Now\(|_clock::now\(|\bSleepFor\(|\bthis_thread::sleep_|\b\w*[a-z]With(?:Timeout|Deadline)\("
@@ -41,6 +43,10 @@ READS_TIME = {"server/base/clock.cc",
               "server/render/plan/stage_time.cc", "server/render/reference/row_parts.cc"}
 KEEPS_TIME = ("server/", "client/call/", "client/retry", "client/session")
 
+# Exposures, metering's weights and tokens have the same bits on every machine. Powers and logarithms of C libraries have not.
+POWER = re.compile(r"(?<![\w.>])(?:exp2?|exp10|expm1|log(?:2|10|1p)?|pow)[fl]?\(")
+OWN_POWERS = ("server/render/plan/", "server/session/", "client/run/exposure/")
+
 root = pathlib.Path(__file__).resolve().parent.parent
 
 
@@ -51,6 +57,7 @@ def layer(path: str) -> str:
 
 climbs = []
 hasty = []  # what reads the time itself
+strange = []  # what takes a power of the C library
 timed = set()  # what may, and does
 sees = {}  # the folders that each folder includes
 for top in ("proto", "shaders", "server", "client"):
@@ -67,6 +74,8 @@ for top in ("proto", "shaders", "server", "client"):
                 timed.add(name)
                 if name not in READS_TIME:
                     hasty.append(f"{name}:{line} has {read[0]}...); take a Clock (server/base/clock.h)")
+            if name.startswith(OWN_POWERS) and (power := POWER.search(text.split("//")[0])):
+                strange.append(f"{name}:{line} has {power[0]}...); take it of server/render/color/portable_math.h")
             found = re.match(r'#include "((?:proto|shaders|server|client)/[^"]+)"', text)
             if not found or found[1].endswith(".spv.h"):
                 continue
@@ -106,6 +115,6 @@ twice = [f"{places['server']} defines {name}, as {places['client']} does; rename
 # The list must not outgrow what it is for.
 hasty += [f"{name} reads no time any more; take it off READS_TIME" for name in sorted(READS_TIME - timed)]
 
-faults = climbs + circles + twice + hasty
-print("\n".join(faults) or "no include climbs, and no clock is read but what is given")
+faults = climbs + circles + twice + hasty + strange
+print("\n".join(faults) or "no include climbs, no clock is read but what is given, and exposures take Candela's own powers")
 sys.exit(bool(faults))

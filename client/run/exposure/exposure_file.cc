@@ -17,6 +17,7 @@
 #include "client/run/sequence/frame_numbers.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
+#include "server/render/color/portable_math.h"
 
 namespace candela {
 namespace {
@@ -197,7 +198,7 @@ v1::SessionState state_from(const Json& object, int64_t zero, absl::Status& stat
 
 double locked_exposure(const v1::Exposure& settings, const std::vector<ExposedFrame>& frames) {
   const v1::Exposure exposure = completed(settings);
-  if (exposure.mode() == v1::Exposure::MODE_MANUAL) return std::exp2(exposure.manual_ev());
+  if (exposure.mode() == v1::Exposure::MODE_MANUAL) return portable_exp2(exposure.manual_ev());
   double sum = 0;
   double count = 0;
   for (const ExposedFrame& frame : frames) {
@@ -206,8 +207,8 @@ double locked_exposure(const v1::Exposure& settings, const std::vector<ExposedFr
     ++count;
   }
   const double mean = count > 0 ? sum / count : v1::kNothingMetered;
-  return std::clamp(exposure.key() * std::exp2(exposure.compensation_ev() - mean), exposure.min_exposure(),
-                    exposure.max_exposure());
+  return std::clamp(exposure.key() * portable_exp2(exposure.compensation_ev() - mean),
+                    exposure.min_exposure(), exposure.max_exposure());
 }
 
 // One frame a line, so that people and line-based tools can read it.

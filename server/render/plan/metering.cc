@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "server/base/check.h"
+#include "server/render/color/portable_math.h"
 #include "shaders/params.h"
 
 namespace candela {
@@ -19,7 +20,7 @@ std::vector<uint32_t> center_weights() {
   constexpr uint32_t kSteps = 1u << shader::CENTER_STEPS_LOG2;
   std::vector<uint32_t> weights(kSteps);
   for (uint32_t i = 0; i < kSteps; ++i) {
-    weights[i] = static_cast<uint32_t>(std::lround(255.0 * std::exp(-2.0 * i / kSteps)));
+    weights[i] = static_cast<uint32_t>(std::lround(255.0 * portable_exp(-2.0 * i / kSteps)));
   }
   return weights;
 }

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
+#include "server/render/plan/metering.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
 
@@ -71,6 +73,17 @@ TEST(Adaptation, PreviousStateIsChecked) {
   }
   EXPECT_EQ(check_previous({1, -2}).message(),
             "previous.elapsed_seconds is -2; it must be between 0 and 1e+09: time does not run backwards");
+}
+
+TEST(CenterWeights, AreTheirFormulaRounded) {
+  const std::vector<uint32_t> weights = center_weights();
+  ASSERT_EQ(weights.size(), 256u);
+  for (uint32_t i = 0; i < 256; ++i) {
+    const long double exact = 255 * std::exp(-2.0L * i / 256);
+    EXPECT_EQ(weights[i], std::lround(exact)) << i;
+    // No error of an exponential could round another way.
+    EXPECT_GT(std::fabs(exact - std::floor(exact) - 0.5L), 1e-5L) << i;
+  }
 }
 
 }  // namespace
