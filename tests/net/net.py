@@ -62,7 +62,8 @@ class Programs:
         keys.chmod(0o600)
         self.environment = {name: value for name, value in os.environ.items() if not name.startswith("CANDELA_")}
         self.environment["XDG_CACHE_HOME"] = str(scratch)
-        self.environment["CANDELA_EXECUTOR"] = "device"
+        # Other builds may be older than the first name.
+        self.environment |= {"CANDELA_EXECUTOR": "device", "CANDELA_PASSES": "device"}
         self.daemon = subprocess.Popen(
             [self.folder / "candelad", "--listen", self.places["{server}"], "--resume-keys", keys, "--log-level",
              "off"],
