@@ -53,34 +53,31 @@ const Option kOptions[] = {
      BytesOption{&Config::environment_budget_bytes, kMemoryBudgetBytes, kZeroIsAutomatic},
      "Part of the memory budget that environments may hold; 0: a quarter",
      "An environment holds its panorama and what its views read. When the budget is full, the environment "
-     "that "
-     "was used longest ago and that nobody uses is freed. So is one whose memory a frame needs."},
+     "that was used longest ago and that nobody uses is freed. So is one whose memory a frame needs."},
     {"client-share", NumberOption{&Config::client_share, {1, 100}},
-     "How much of the memory that other clients leave one client may hold while they are connected, in "
-     "percent",
+     "How much of the memory that other clients leave one "
+     "client may hold while they are connected, in percent",
      "A client is an address without its port, together with its token and its certificate if the server "
-     "asks "
-     "for them. Behind a proxy on a unix: socket the address is the last one of x-forwarded-for. A client "
-     "that is alone may use everything, and one that holds nothing may take any frame that fits."},
+     "asks for them. Behind a proxy on a unix: socket the address is the last one of x-forwarded-for. A "
+     "client that is alone may use everything, and one that holds nothing may take any frame that fits."},
     {"max-frame-bytes", BytesOption{&Config::max_frame_bytes, kFrameBytes},
      "Maximum size of a frame on the wire", "The device's largest allocation is a limit too."},
     {"max-dimension", NumberOption{&Config::max_dimension, {1, v1::kMaxDimension}},
      "Maximum width and height of a frame, in pixels"},
     {"max-calls", NumberOption{&Config::max_calls, {1, 4096}},
      "Maximum number of concurrent calls of Render, Meter, PutEnvironment and BakeEnvironment",
-     "Further calls get UNAVAILABLE. The limit is lower if the cgroup's memory is too small for that many "
-     "calls."},
+     "Further calls get UNAVAILABLE. The limit is lower if "
+     "the cgroup's memory is too small for that many calls."},
     {"max-sessions", NumberOption{&Config::max_sessions, {1, 4096}}, "Maximum number of concurrent sessions",
-     "Further sessions get UNAVAILABLE. The limit is lower if the cgroup's memory is too small for that many "
-     "sessions."},
+     "Further sessions get UNAVAILABLE. The limit is lower if "
+     "the cgroup's memory is too small for that many sessions."},
     {"max-frames-in-flight", NumberOption{&Config::max_frames_in_flight, {1, 16}},
      "Maximum number of a session's frames that have no result yet",
      "The server stops reading from a session that has this many."},
     {"max-connections", NumberOption{&Config::max_connections, {0, 65536}},
      "Maximum number of open connections; 0: 4096, or fewer if the limit of open files is low",
-     "Further connections are closed at once. The limit is lower if the process may not open that many "
-     "files. "
-     "A connection without a call is ended after five idle timeouts."},
+     "Further connections are closed at once. The limit is lower if the process may not "
+     "open that many files. A connection without a call is ended after five idle timeouts."},
     {"encoder-threads", NumberOption{&Config::encoder_threads, {0, 256}},
      "Threads that encode PNG and JPEG results; 0: one per usable CPU"},
     {"idle-timeout", DurationOption{&Config::idle_timeout, {absl::Milliseconds(10), absl::Hours(24)}},

@@ -1,8 +1,7 @@
 // The image, the last pass of phase B: reads the frame a second time and writes the rendered image.
 //
 // In: the wire's pixels or the resized scene, B_0 (unless BLOOM is BLOOM_NONE), the table if the curve has one, and
-// the pieces of the gain map if there is one. Out: the image
-// in the format OUTPUT.
+// the pieces of the gain map if there is one. Out: the image in the format OUTPUT.
 // Method: docs/pipeline.md sections 4 and 5: scene plus bloom, times E and prescale, tone curve, transfer,
 // dither, quantisation. Only a frame with negative components (WIDE) has something that the curve can cut; it
 // counts that. An invocation makes RESOLVE_STEPS blocks along x, each of

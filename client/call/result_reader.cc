@@ -26,9 +26,8 @@ absl::Status ResultReader::take_header(grpc::ByteBuffer& message) {
   if (pixel_bytes == 0) return not_the_protocol("the image's format is unknown");
   if (verify && !result_.header.has_verify()) {
     return absl::UnimplementedError(
-        "the server does not verify frames, because it is older than this client; leave out verification or "
-        "update "
-        "it");
+        "the server does not verify frames, because it is older "
+        "than this client; leave out verification or update it");
   }
   if (exposure && result_.header.exposure() != *exposure) {
     return absl::UnimplementedError(

@@ -33,11 +33,11 @@ constexpr Translation kUnreachable[] = {
     {"parsing HTTP/2", "it does not speak gRPC; check the port, because a candelad listens on another one"},
     {"http1.x", "it does not speak gRPC; check the port, because a candelad listens on another one"},
     {"ocket closed",
-     "it closed the connection at once; it is not a candelad, or the --tls options are not those that it "
-     "needs"},
+     "it closed the connection at once; it is not a candelad, "
+     "or the --tls options are not those that it needs"},
     {"onnection reset",
-     "it closed the connection at once; it is not a candelad, or the --tls options are not those that it "
-     "needs"},
+     "it closed the connection at once; it is not a candelad, "
+     "or the --tls options are not those that it needs"},
     {"andshake", "it and this client agree on no TLS; check the --tls options"},
 };
 
@@ -96,10 +96,10 @@ std::optional<absl::Status> not_from_candelad(const std::string& address, const 
   if (absl::StrContains(message, kHttpStatus)) return http_error(address, message);
   switch (status.error_code()) {
     case grpc::UNIMPLEMENTED:
-      return absl::UnimplementedError(absl::StrFormat(
-          "%s does not know this call: it is an older candelad, or another program; update it, or check the "
-          "address",
-          address));
+      return absl::UnimplementedError(
+          absl::StrFormat("%s does not know this call: it is an older candelad, "
+                          "or another program; update it, or check the address",
+                          address));
     case grpc::RESOURCE_EXHAUSTED:
       if (!absl::StrContains(message, "message larger than max")) return std::nullopt;
       return failure_of(FailureKind::kServer, absl::ResourceExhaustedError(absl::StrFormat(

@@ -22,9 +22,8 @@ namespace candela {
 absl::Status write_ktx2(const std::string& path, const BakedEnvironment& environment);
 
 // The same faces as OpenEXR files of halves, or floats if the texels are: FOLDER/px.exr nx py ny pz nz for
-// level 0, FOLDER/level1/px.exr
-// ... for the next ones. Creates FOLDER and its folders; FOLDER's own folder must exist. After a failure the
-// files that were already written stay.
+// level 0, FOLDER/level1/px.exr ... for the next ones. Creates FOLDER and its folders; FOLDER's own folder
+// must exist. After a failure the files that were already written stay.
 absl::Status write_face_files(const std::string& folder, const BakedEnvironment& environment);
 
 // {"radiance": [[R, G, B] x 9], "irradiance": ...}: L_lm, and A_l L_lm as in docs/environments.md section 3.

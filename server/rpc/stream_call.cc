@@ -84,10 +84,9 @@ absl::Status StreamCall::take_message(grpc::ByteBuffer& message) {
   if (reading_ == Reading::kOpen) return take_open(request);
   if (request.has_frame()) return take_header(request.frame());
   if (request.has_change()) return open_->settings.add(request.change());
-  return absl::InvalidArgumentError(request.has_band()
-                                        ? "a band came, but the frame before it has every row; send `frame` "
-                                          "first"
-                                        : "message holds neither `frame` nor `change`");
+  return absl::InvalidArgumentError(request.has_band() ? "a band came, but the frame before "
+                                                         "it has every row; send `frame` first"
+                                                       : "message holds neither `frame` nor `change`");
 }
 
 absl::Status StreamCall::take_open(const v1::StreamRequest& request) {

@@ -86,12 +86,11 @@ absl::StatusOr<FrameReport> run_job(const FrameJob& job);
 
 // The next job comes from the flow that will have used the least device time after it, if it takes as long as
 // the flow's last one did; ordered jobs of one flow keep their order, and the others
-// alternate. So a small frame does not wait for a slice of
-// each of many flows. A new flow, or one that returns after a pause, starts at the current fair share: it
-// cannot claim time that it did not use, and no number of new flows starves an old one. (This is the virtual
-// time of J. Bennett and H. Zhang, "Hierarchical packet fair queueing algorithms", 1997, with the measured
-// time as the cost.) Not thread-safe. A job that runs in slices is charged for each and then goes back to its
-// flow, so slices of several flows alternate.
+// alternate. So a small frame does not wait for a slice of each of many flows. A new flow, or one that
+// returns after a pause, starts at the current fair share: it cannot claim time that it did not use, and no
+// number of new flows starves an old one. (This is the virtual time of J. Bennett and H. Zhang, "Hierarchical
+// packet fair queueing algorithms", 1997, with the measured time as the cost.) Not thread-safe. A job that
+// runs in slices is charged for each and then goes back to its flow, so slices of several flows alternate.
 class FrameQueue {
  public:
   explicit FrameQueue(size_t capacity) : capacity_(capacity) {}

@@ -66,9 +66,8 @@ absl::StatusOr<WireLayout> view_layout_from(const v1::FrameHeader& header, const
   if (header.format() != v1::PIXEL_FORMAT_UNSPECIFIED || header.row_stride_bytes() != 0 ||
       header.total_bytes() != 0) {
     return absl::InvalidArgumentError(
-        "frame.view is set, and so is frame.format, row_stride_bytes or total_bytes; a view has no pixels on "
-        "the "
-        "wire, so leave them out");
+        "frame.view is set, and so is frame.format, row_stride_bytes or "
+        "total_bytes; a view has no pixels on the wire, so leave them out");
   }
   const FrameDesc desc{header.width(), header.height(), v1::PIXEL_FORMAT_RGBA16F};
   RETURN_IF_ERROR(check_frame(desc, limits));
@@ -91,9 +90,8 @@ absl::Status check_primaries_for_view(const Settings& settings) {
                       settings->input_primaries() == v1::PRIMARIES_REC709;
   if (rec709 && !settings->has_input_chromaticities()) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      "settings.input_primaries or input_chromaticities are set for a view; its light is Rec.709, so leave "
-      "them "
-      "out, and give the panorama's when it is put");
+      "settings.input_primaries or input_chromaticities are set for a view; its "
+      "light is Rec.709, so leave them out, and give the panorama's when it is put");
 }
 
 absl::StatusOr<RenderStart> render_start_from(const v1::RenderRequest& request, const FrameLimits& limits) {

@@ -21,8 +21,7 @@ absl::Status check_name(const std::string& session) {
   });
   if (!session.empty() && session.size() <= v1::kMaxSessionNameBytes && plain) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrFormat(
-      "open.session has %d bytes; a session's name has 1 to %d letters, digits, dots, dashes and "
-      "underscores",
+      "open.session has %d bytes; a session's name has 1 to %d letters, digits, dots, dashes and underscores",
       session.size(), v1::kMaxSessionNameBytes));
 }
 
@@ -39,16 +38,14 @@ absl::Status check_encoding(v1::Encoding encoding, const v1::Settings& settings)
   }
   if (encoding == v1::ENCODING_JPEG && format != v1::OUTPUT_FORMAT_RGBA8) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("output_format is %s and encoding is JPEG; a JPEG holds RGBA8, so use that format or "
-                        "the encoding PNG or "
-                        "RAW",
+        absl::StrFormat("output_format is %s and encoding is JPEG; a JPEG holds "
+                        "RGBA8, so use that format or the encoding PNG or RAW",
                         v1::word_of(format)));
   }
   if (encoding == v1::ENCODING_JPEG && settings.alpha() == v1::ALPHA_STRAIGHT) {
     return absl::InvalidArgumentError(
-        "alpha is STRAIGHT and encoding is JPEG, which has no alpha; use ASSOCIATED, which is the colour "
-        "over "
-        "black, or OVER");
+        "alpha is STRAIGHT and encoding is JPEG, which has no alpha; "
+        "use ASSOCIATED, which is the colour over black, or OVER");
   }
   return absl::OkStatus();
 }

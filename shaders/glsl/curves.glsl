@@ -5,11 +5,14 @@
 // A curve has two parts: curve_light() takes the scene's Rec.709 to the curve's own primaries, and curve()
 // does the rest. Between them the light is cut at 0.
 //
-// Sources: reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital
-// Images",
-// 2002. aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016. aces-hill: S. Hill's fit of the
-// ACES RRT and ODT, published in M. Pettineo's BakingLab. hable: J. Hable, "Filmic Tonemapping Operators",
-// 2010. aces-2: aces2.glsl. bt2390: hdr.glsl. agx: T. Sobotka's AgX, inset and base curve. pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
+// Sources:
+// reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002.
+// aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016.
+// aces-hill: S. Hill's fit of the ACES RRT and ODT, published in M. Pettineo's BakingLab.
+// hable: J. Hable, "Filmic Tonemapping Operators", 2010.
+// agx: T. Sobotka's AgX, inset and base curve.
+// pbr-neutral: Khronos PBR Neutral Tone Mapper, 2024.
+// aces-2: aces2.glsl. bt2390: hdr.glsl.
 
 // S. Hill's published fit of the ACES RRT and ODT, in the fit's own primaries.
 vec3 rrt_and_odt(vec3 v) {

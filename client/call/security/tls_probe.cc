@@ -65,8 +65,8 @@ std::string about_certificate(long result, const std::string& address, const std
     case X509_V_ERR_HOSTNAME_MISMATCH:
     case X509_V_ERR_IP_ADDRESS_MISMATCH:
       return absl::StrFormat(
-          "the certificate of %s is not for the name %s; connect by a name that it is for, or give that as "
-          "--tls-name",
+          "the certificate of %s is not for the name %s; connect "
+          "by a name that it is for, or give that as --tls-name",
           address, host);
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
     case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
@@ -173,8 +173,8 @@ std::string why_tls_fails(const std::string& address, const ClientSecurity& secu
   if (asked) return about_refusal(ssl.get(), address, security);
   if (!spoke_tls && reason == SSL_R_WRONG_VERSION_NUMBER) {
     return absl::StrFormat(
-        "%s does not speak TLS; leave out --tls and the other --tls options, or start candelad with "
-        "--tls-cert",
+        "%s does not speak TLS; leave out --tls and the other "
+        "--tls options, or start candelad with --tls-cert",
         address);
   }
   return "";

@@ -107,8 +107,8 @@ void add_sample_options(CLI::App& app, SampleOptions& sample) {
 absl::Status finish_sample_options(SampleOptions& sample) {
   if (!sample.output.empty() + !sample.sequence.empty() + !sample.panorama.empty() != 1) {
     return usage_error(
-        "sample makes a scene, a sequence or a panorama: give OUT, --sequence DIR or --panorama FILE, one of "
-        "them");
+        "sample makes a scene, a sequence or a panorama: give "
+        "OUT, --sequence DIR or --panorama FILE, one of them");
   }
   if (sample.width == 0) {
     sample.width = sample.panorama.empty() ? kSceneWidth : kPanoramaWidth;

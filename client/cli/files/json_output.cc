@@ -140,9 +140,8 @@ absl::Status check_stdout(const JsonOutput& json) {
   }
   if (isatty(STDOUT_FILENO) == 1) {
     return usage_error(
-        "OUT is \"-\", and standard output is a terminal; send it to a program or a file, such as | ffmpeg "
-        "-i - "
-        "out.mp4");
+        "OUT is \"-\", and standard output is a terminal; send "
+        "it to a program or a file, such as | ffmpeg -i - out.mp4");
   }
   return absl::OkStatus();
 }

@@ -109,8 +109,7 @@ absl::Status refused(const CLI::App& app, const CLI::Error& error) {
 }
 
 // The words for CLI11, last one first. All words after "--" are paths. CLI11 gives them to no list of files,
-// so
-// "--" is left out, and a path that begins with "-" gets "./" before it.
+// so "--" is left out, and a path that begins with "-" gets "./" before it.
 std::vector<std::string> for_parser(const std::vector<std::string>& words) {
   const auto mark = std::find(words.begin(), words.end(), "--");
   std::vector<std::string> parsed(words.begin(), mark);

@@ -4,11 +4,10 @@
 // luma Y = .2126 R + .7152 G + .0722 B has the code s (16 + 219 Y), Cb = (B - Y) / 1.8556 and
 // Cr = (R - Y) / 1.5748 have s (128 + 224 C), rounded to nearest. With the primaries of Rec.2020 it is the
 // matrix of BT.2020 of non-constant luminance: Y = .2627 R + .6780 G + .0593 B, Cb = (B - Y) / 1.8814 and
-// Cr = (R - Y) / 1.4746. They are computed in float32 from codes of
-// 16 bits, so a code is within .52 of float64 on unrounded signals. With 4:2:0, chroma stands beside the even
-// pixels of a row, midway between two rows: R, G, B are weighted 1 2 1 along the row and 1 1 down, and the
-// picture's edge is repeated. The header says so at 8 bits (420mpeg2). At 10 bits y4m has no word for it, and
-// readers assume the same place.
+// Cr = (R - Y) / 1.4746. They are computed in float32 from codes of 16 bits, so a code is within .52 of
+// float64 on unrounded signals. With 4:2:0, chroma stands beside the even pixels of a row, midway between two
+// rows: R, G, B are weighted 1 2 1 along the row and 1 1 down, and the picture's edge is repeated. The header
+// says so at 8 bits (420mpeg2). At 10 bits y4m has no word for it, and readers assume the same place.
 #pragma once
 
 #include <cstddef>

@@ -193,8 +193,8 @@ absl::StatusOr<NumberedFiles> find_numbered_files(const std::vector<std::string>
     const auto [other, fresh] = numbered.files.emplace(*number, paths[i]);
     if (!fresh) {
       return absl::InvalidArgumentError(
-          absl::StrFormat("%s and %s are both frame %d; give a pattern that only one of them fits, such as "
-                          "in/frame.%%04d.exr",
+          absl::StrFormat("%s and %s are both frame %d; give a pattern that "
+                          "only one of them fits, such as in/frame.%%04d.exr",
                           other->second, paths[i], *number));
     }
   }

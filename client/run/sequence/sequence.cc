@@ -41,8 +41,7 @@ absl::Status missing_error(const SequenceChoice& choice, const Sequence& sequenc
     hint = "`candela render IN... OUTDIR/` renders stills each for itself, ";
   }
   return absl::NotFoundError(absl::StrFormat(
-      "%s: %s missing; %s--missing skip renders the others, --missing hold repeats the frame "
-      "before",
+      "%s: %s missing; %s--missing skip renders the others, --missing hold repeats the frame before",
       sequence.names ? sequence.names->text() : choice.inputs.front(), frames_are(sequence.missing), hint));
 }
 

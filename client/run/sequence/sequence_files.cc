@@ -70,10 +70,10 @@ absl::Status add_folder(const std::string& folder, std::vector<std::string>& fil
   if (files.size() > had) return absl::OkStatus();
   const std::string but =
       hidden.size() > had_hidden ? absl::StrFormat(" but %s", words_of_hidden(hidden)) : std::string();
-  return absl::NotFoundError(absl::StrFormat(
-      "%s: the folder contains no .exr, .hdr or .pfm file%s; name another folder, or a pattern such as "
-      "'in/*.exr'",
-      folder, but));
+  return absl::NotFoundError(
+      absl::StrFormat("%s: the folder contains no .exr, .hdr or .pfm file%s; "
+                      "name another folder, or a pattern such as 'in/*.exr'",
+                      folder, but));
 }
 
 absl::Status add_files(const std::string& input, std::vector<std::string>& files,

@@ -69,8 +69,7 @@ bool close(const Chromaticities& a, const Chromaticities& b, size_t first, doubl
 
 absl::Status unusable(const Chromaticities& chromaticities) {
   return absl::InvalidArgumentError(absl::StrFormat(
-      "input_chromaticities (%s) are not three independent primaries and a white; leave them out for "
-      "Rec.709",
+      "input_chromaticities (%s) are not three independent primaries and a white; leave them out for Rec.709",
       absl::StrJoin(chromaticities.xy, " ")));
 }
 

@@ -111,10 +111,10 @@ absl::Status check_sizes(const TextureLayout& layout, const std::vector<Wanted>&
         "pixels, do without verification, max_error_codes and the tier reference, or raise --memory-budget",
         words_of(layout), bytes, budget_bytes));
   }
-  return absl::ResourceExhaustedError(absl::StrFormat(
-      "a %s needs %d bytes of textures and the memory budget is %d; send fewer pixels or raise "
-      "--memory-budget",
-      words_of(layout), bytes, budget_bytes));
+  return absl::ResourceExhaustedError(
+      absl::StrFormat("a %s needs %d bytes of textures and the memory budget "
+                      "is %d; send fewer pixels or raise --memory-budget",
+                      words_of(layout), bytes, budget_bytes));
 }
 
 absl::Status take_all(TexturePool& pool, const std::vector<Wanted>& wanted, uint64_t reference_bytes,

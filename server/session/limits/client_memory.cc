@@ -136,19 +136,19 @@ absl::StatusOr<std::shared_ptr<const void>> ClientMemory::claim_region(ClientId 
                         bytes, regions_.budget_bytes()));
   }
   if (regions_.change(client, 0, bytes) != ClientBudget::Answer::kGranted) {
-    return absl::UnavailableError(absl::StrFormat(
-        "a region needs %d bytes, and the others hold %d of the %d bytes for regions; send bands, or raise "
-        "--memory-budget",
-        bytes, regions_.held(), regions_.budget_bytes()));
+    return absl::UnavailableError(
+        absl::StrFormat("a region needs %d bytes, and the others hold %d of the %d "
+                        "bytes for regions; send bands, or raise --memory-budget",
+                        bytes, regions_.held(), regions_.budget_bytes()));
   }
   const ClientBudget::Answer answer = frames_.change(client, 0, bytes);
   if (answer != ClientBudget::Answer::kGranted) {
     regions_.change(client, bytes, 0);
     if (answer == ClientBudget::Answer::kOverShare) return over_share(frames_, client, bytes, "a region");
-    return absl::UnavailableError(absl::StrFormat(
-        "a region needs %d bytes, and frames hold %d of the memory budget of %d; send bands, or raise "
-        "--memory-budget",
-        bytes, frames_.held(), frames_.budget_bytes()));
+    return absl::UnavailableError(
+        absl::StrFormat("a region needs %d bytes, and frames hold %d of the "
+                        "memory budget of %d; send bands, or raise --memory-budget",
+                        bytes, frames_.held(), frames_.budget_bytes()));
   }
   const auto let_go = [memory = shared_from_this(), client, bytes](const void*) {
     memory->frames_.change(client, bytes, 0);
@@ -163,10 +163,10 @@ absl::Status ClientMemory::check_upload(ClientId client, uint64_t bytes, absl::D
   const std::optional<uint64_t> waits = pressure_.smallest(client, now);
   if (!waits || *waits > bytes) return absl::OkStatus();
   if (silent >= kStalled) {
-    return absl::UnavailableError(absl::StrFormat(
-        "the frame brought no pixels for %s while other frames waited for its memory, so it lost it; send it "
-        "again",
-        absl::FormatDuration(absl::Trunc(silent, absl::Milliseconds(1)))));
+    return absl::UnavailableError(
+        absl::StrFormat("the frame brought no pixels for %s while other frames "
+                        "waited for its memory, so it lost it; send it again",
+                        absl::FormatDuration(absl::Trunc(silent, absl::Milliseconds(1)))));
   }
   return absl::UnavailableError(absl::StrFormat(
       "the frame was not complete after %s while other frames waited for its memory, so it lost it; send it "

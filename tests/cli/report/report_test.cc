@@ -174,8 +174,8 @@ TEST_F(Report, EveryResultSaysWhichPrimariesWereUsedAndWhoSaidSo) {
                          {{exr}, "AP1, from the file", "file"},
                          {{exr, "--primaries", "rec2020"}, "Rec.2020, from --primaries", "option"},
                          {{pfm, "--primaries", "0.7,0.3,0.2,0.7,0.1,0.1,0.3127,0.329"},
-                          "primaries red 0.7 0.3, green 0.2 0.7, blue 0.1 0.1, white 0.3127 0.329, from "
-                          "--primaries",
+                          "primaries red 0.7 0.3, green 0.2 0.7, blue "
+                          "0.1 0.1, white 0.3127 0.329, from --primaries",
                           "option"}}) {
     std::vector<std::string> render{"render"}, meter{"meter"}, stream{"stream"};
     render.insert(render.end(), input.begin(), input.end());

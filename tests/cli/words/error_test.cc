@@ -35,18 +35,16 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
   for (const auto& [arguments, words] : std::vector<Case>{
            {{"rendr", "a", "b"}, "unknown command \"rendr\"; did you mean render?"},
            {{"bogus"},
-            "there are: render, contact, stream, meter, view, environment, sample, report, bench, info, "
-            "health"},
+            "there are: render, contact, stream, meter, view, "
+            "environment, sample, report, bench, info, health"},
            {{"--verson"}, "did you mean --version?"},
            {{"render"}, "IN... OUT is required"},
            {{"render", "in.exr"}, "render needs an image and an output"},
            {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {render({"more"}),
-            "out.png is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF, JPEG), and "
-            "the "
-            "last argument, "
-            "more, is"},
+            "out.png is no image that candela can read (OpenEXR, Radiance "
+            ".hdr, PFM, PNG, AVIF, JPEG), and the last argument, more, is"},
            {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
            {{"render", "in.exr", "out/", "--as", "jpgg"}, "did you mean jpg?"},
            {{"render", "in.exr", "out/", "--as", "jpg", "--bits", "16"}, "--bits 16 is for .png"},

@@ -113,11 +113,9 @@ TEST_F(SequenceTest, TwoFilesWithOneNumberAreRefused) {
 TEST_F(SequenceTest, AGapIsRefusedByItsNumbers) {
   make({"in/f.1.exr", "in/f.2.exr", "in/f.3.exr", "in/f.5.exr", "in/f.6.exr", "in/f.9.exr"});
   const absl::Status status = find({"in"}).status();
-  EXPECT_EQ(
-      status.message(),
-      folder_.path("in/f.%d.exr") +
-          ": frames 4, 7-8 are missing; --missing skip renders the others, --missing hold repeats the frame "
-          "before");
+  EXPECT_EQ(status.message(), folder_.path("in/f.%d.exr") +
+                                  ": frames 4, 7-8 are missing; --missing skip renders "
+                                  "the others, --missing hold repeats the frame before");
   EXPECT_FALSE(is_usage_error(status)) << "the command is right, the files are not";
 }
 

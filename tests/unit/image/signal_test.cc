@@ -54,11 +54,10 @@ TEST(Signal, HlgHasItsPublishedValues) {
 
 TEST(Signal, OtherCodePointsAreRefusedByName) {
   Signal signal{.source = "cICP"};
-  EXPECT_REFUSED(
-      kInvalidArgument,
-      "a.png: its cICP is transfer 11 of H.273; Candela reads 1, 4, 8, 13, 16 and 18; name another with "
-      "--input-transfer",
-      set_code_points("a.png", 1, 11, signal));
+  EXPECT_REFUSED(kInvalidArgument,
+                 "a.png: its cICP is transfer 11 of H.273; Candela reads 1, "
+                 "4, 8, 13, 16 and 18; name another with --input-transfer",
+                 set_code_points("a.png", 1, 11, signal));
   EXPECT_REFUSED(kInvalidArgument, "a.png: its cICP is primaries 5 of H.273; Candela reads 1, 9 and 12",
                  set_code_points("a.png", 5, 13, signal));
 }

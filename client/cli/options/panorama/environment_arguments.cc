@@ -164,10 +164,10 @@ absl::Status choose_layout(EnvironmentArguments& arguments) {
   for (const EnvironmentLayout one : possible) {
     if (one == *layout) return absl::OkStatus();
   }
-  return usage_error(absl::StrFormat(
-      "--layout %s: %s cannot have it; .exr files are equirectangular or cross, .ktx2 files and folders have "
-      "faces",
-      arguments.layout, options.output));
+  return usage_error(
+      absl::StrFormat("--layout %s: %s cannot have it; .exr files are "
+                      "equirectangular or cross, .ktx2 files and folders have faces",
+                      arguments.layout, options.output));
 }
 
 }  // namespace

@@ -54,9 +54,9 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
            "that it is the picture, such as rgba or beauty, else the first with colour)",
            shown.part);
   add_text(app, kInputSection, "--layer", "NAME",
-           "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one channel by its full name, as "
-           "grey; RGB for the channels without a layer, XYZ for X, Y and Z as CIE XYZ (default: as for "
-           "--part)",
+           "Layer of an OpenEXR file, NAME of its channels NAME.R ..., or one "
+           "channel by its full name, as grey; RGB for the channels without "
+           "a layer, XYZ for X, Y and Z as CIE XYZ (default: as for --part)",
            shown.layer);
   add_text(app, kInputSection, "--exr-view", "NAME", "View of a multi-view OpenEXR file, such as left",
            shown.view);

@@ -60,9 +60,8 @@ void add_view_options(CLI::App& app, PictureOptions& options) {
   add("--display", "NAME", "Display of --ocio (default: the configuration's)", view.display);
   add("--ocio-view", "NAME", "View of --ocio (default: the display's)", view.view);
   add("--ocio-input", "NAME",
-      "Colour space of --ocio that the file's values are in, whatever the file says (default: light of the "
-      "file's "
-      "primaries)",
+      "Colour space of --ocio that the file's values are in, whatever "
+      "the file says (default: light of the file's primaries)",
       view.input);
   add("--lut", "FILE",
       "Instead of a curve: this LUT (.cube, .clf, .ctf, .spi1d, .spi3d, .3dl and others), at 0 EV and "

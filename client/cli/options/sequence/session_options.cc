@@ -30,9 +30,9 @@ void add_cuts(CLI::App& app, double& threshold_ev) {
   };
   app.add_option_function<std::string>(
          "--detect-cuts", take,
-         absl::StrFormat("Detect cuts: a frame that differs from the previous one by more than this begins a "
-                         "scene, and exposure jumps to its target; %s (%s if no number is given; default: no "
-                         "detection)",
+         absl::StrFormat("Detect cuts: a frame that differs from the previous one by "
+                         "more than this begins a scene, and exposure jumps to its "
+                         "target; %s (%s if no number is given; default: no detection)",
                          format_range(v1::kCutThresholdEv), v1::format_number(kGoodCutEv)))
       ->option_text("[EV]")
       ->expected(0, 1)
