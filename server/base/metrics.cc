@@ -7,11 +7,12 @@
 #include <prometheus/text_serializer.h>
 
 #include <atomic>
-#include <mutex>
 #include <utility>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/strings/ascii.h"
+#include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "server/base/log.h"
 #include "server/base/process_metrics.h"
@@ -153,12 +154,12 @@ struct Metrics::Impl final : prometheus::Collectable {
   std::atomic<bool> ready = false;
   std::atomic<bool> live = true;
 
-  mutable std::mutex mutex;
-  std::function<Sample()> sampler;  // guarded by mutex
+  mutable absl::Mutex mutex;
+  std::function<Sample()> sampler ABSL_GUARDED_BY(mutex);
 
   std::vector<prometheus::MetricFamily> Collect() const override {
     {
-      const std::lock_guard lock(mutex);
+      const absl::MutexLock lock(&mutex);
       const Sample sample = sampler ? sampler() : Sample();
       queue_frames.Set(static_cast<double>(sample.queue_frames));
       memory_in_use.Set(static_cast<double>(sample.memory_in_use_bytes));
@@ -230,7 +231,7 @@ void Metrics::health(bool ready, bool live) {
 }
 
 void Metrics::set_sampler(std::function<Sample()> sampler) {
-  const std::lock_guard lock(impl_->mutex);
+  const absl::MutexLock lock(&impl_->mutex);
   impl_->sampler = std::move(sampler);
 }
 

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <cstdlib>
 #include <limits>
-#include <mutex>
 #include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
 
 namespace candela {
 namespace {
@@ -26,7 +28,7 @@ class Mappings {
 
   // At least `bytes`, which becomes their number. Null if there is no memory.
   void* take(size_t& bytes, bool zeros) {
-    const std::lock_guard lock(mutex_);
+    const absl::MutexLock lock(&mutex_);
     void* mapping = zeros ? nullptr : take_idle(bytes);
     if (mapping == nullptr) mapping = map(bytes);
     if (mapping == nullptr) return nullptr;
@@ -37,7 +39,7 @@ class Mappings {
   }
 
   void give_back(void* mapping, size_t bytes) {
-    const std::lock_guard lock(mutex_);
+    const absl::MutexLock lock(&mutex_);
     in_use_ -= bytes;
     if (idle_.size() == kMostIdle) drop_oldest();
     idle_bytes_ += bytes;
@@ -47,7 +49,7 @@ class Mappings {
   }
 
   size_t idle_bytes() {
-    const std::lock_guard lock(mutex_);
+    const absl::MutexLock lock(&mutex_);
     return idle_bytes_;
   }
 
@@ -62,7 +64,7 @@ class Mappings {
 
   // The smallest of at least `bytes` that is not far larger; of those the one that was used last. Sets
   // `bytes` to its size. Null if there is none.
-  void* take_idle(size_t& bytes) {
+  void* take_idle(size_t& bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     auto best = idle_.end();
     for (auto i = idle_.begin(); i != idle_.end(); ++i) {
       if (i->bytes >= bytes && i->bytes / kMostTimes <= bytes &&
@@ -77,7 +79,7 @@ class Mappings {
     return mapping;
   }
 
-  void* map(size_t bytes) {
+  void* map(size_t bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     while (true) {
       void* const mapping = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
       if (mapping != MAP_FAILED) {
@@ -89,20 +91,22 @@ class Mappings {
     }
   }
 
-  void drop_excess() {
+  void drop_excess() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     while (!idle_.empty() && (idle_bytes_ > kMostIdlePixels || in_use_ + idle_bytes_ > most_in_use_))
       drop_oldest();
   }
 
-  void drop_oldest() {
+  void drop_oldest() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     munmap(idle_.front().mapping, idle_.front().bytes);
     idle_bytes_ -= idle_.front().bytes;
     idle_.erase(idle_.begin());
   }
 
-  std::mutex mutex_;
-  size_t in_use_ = 0, most_in_use_ = 0, idle_bytes_ = 0;
-  std::vector<Idle> idle_;  // oldest first
+  absl::Mutex mutex_;
+  size_t in_use_ ABSL_GUARDED_BY(mutex_) = 0;
+  size_t most_in_use_ ABSL_GUARDED_BY(mutex_) = 0;
+  size_t idle_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::vector<Idle> idle_ ABSL_GUARDED_BY(mutex_);  // oldest first
 };
 
 // Never destroyed, because other static objects may hold pixels.

@@ -27,6 +27,7 @@ TexturePool::TexturePool(const Device& device, uint64_t budget_bytes, Clock& clo
     : device_(device), budget_bytes_(budget_bytes), clock_(clock), keep_(keep) {}
 
 TexturePool::~TexturePool() {
+  const absl::MutexLock lock(&mutex_);
   CHECK(counters_.bytes_in_use == 0);
   for (const auto& entry : idle_) counters_.bytes_idle -= entry->bytes;
   CHECK(counters_.bytes_idle == 0);
@@ -36,7 +37,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
   const uint64_t bytes = key.bytes();
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
   {
-    const std::lock_guard lock(mutex_);
+    const absl::MutexLock lock(&mutex_);
     // The most recent first: its pages are most likely to be warm.
     const auto found =
         std::find_if(idle_.rbegin(), idle_.rend(), [&](const auto& e) { return e->key == key; });
@@ -55,12 +56,12 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
   }
   given_up.clear();
   absl::StatusOr<Buffer> buffer = Buffer::create(device_, bytes, key.use);
-  // The device may have less memory than the budget.
+  // The device may have less memory than the budget. Idle textures are of use only while there is room.
   while (absl::IsResourceExhausted(buffer.status()) && give_up_one()) {
     buffer = Buffer::create(device_, bytes, key.use);
   }
   if (!buffer.ok()) {
-    const std::lock_guard lock(mutex_);
+    const absl::MutexLock lock(&mutex_);
     CHECK(counters_.bytes_in_use >= bytes);
     counters_.bytes_in_use -= bytes;
     if (!absl::IsResourceExhausted(buffer.status()) || counters_.bytes_in_use <= own_bytes) {
@@ -76,7 +77,7 @@ absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint
 
 absl::StatusOr<TexturePool::Lease> TexturePool::reserve(uint64_t bytes, const std::string& what) {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
-  const std::lock_guard lock(mutex_);
+  const absl::MutexLock lock(&mutex_);
   RETURN_IF_ERROR(make_room(bytes, what, &given_up));
   return Lease(this, std::make_unique<Entry>(TextureKey{}, bytes, Buffer()));
 }
@@ -100,7 +101,7 @@ absl::Status TexturePool::make_room(uint64_t bytes, const std::string& what,
 
 bool TexturePool::give_up_one() {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
-  const std::lock_guard lock(mutex_);
+  const absl::MutexLock lock(&mutex_);
   if (!idle_.empty()) give_up_oldest(&given_up);
   return !given_up.empty();
 }
@@ -114,7 +115,7 @@ void TexturePool::give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up) 
 
 void TexturePool::give_back(std::unique_ptr<Entry> entry) {
   std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
-  const std::lock_guard lock(mutex_);
+  const absl::MutexLock lock(&mutex_);
   CHECK(counters_.bytes_in_use >= entry->bytes);
   counters_.bytes_in_use -= entry->bytes;
   if (entry->buffer.bytes() == 0) return;
@@ -125,7 +126,7 @@ void TexturePool::give_back(std::unique_ptr<Entry> entry) {
 }
 
 PoolCounters TexturePool::counters() const {
-  const std::lock_guard lock(mutex_);
+  const absl::MutexLock lock(&mutex_);
   return counters_;
 }
 

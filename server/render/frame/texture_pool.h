@@ -10,12 +10,13 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <tuple>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
 #include "server/base/clock.h"
 #include "server/vulkan/buffer.h"
 
@@ -70,22 +71,21 @@ class TexturePool {
   struct Entry;
   // Frees the oldest idle texture. False if there is none.
   bool give_up_one();
-  // Moves the oldest idle texture to `given_up`. With mutex_ held.
-  void give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up);
+  // Moves the oldest idle texture to `given_up`.
+  void give_up_oldest(std::vector<std::unique_ptr<Entry>>* given_up) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Counts `bytes` as in use, and moves the idle textures that no longer fit to `given_up`, to be freed
-  // outside the lock. `what` is what needs the bytes, for the error message. With mutex_ held.
+  // outside the lock. `what` is what needs the bytes, for the error message.
   absl::Status make_room(uint64_t bytes, const std::string& what,
-                         std::vector<std::unique_ptr<Entry>>* given_up);
+                         std::vector<std::unique_ptr<Entry>>* given_up) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void give_back(std::unique_ptr<Entry> entry);
 
   const Device& device_;
   const uint64_t budget_bytes_;
   Clock& clock_;
   const std::chrono::nanoseconds keep_;
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  std::vector<std::unique_ptr<Entry>> idle_;  // oldest first
-  PoolCounters counters_;
+  mutable absl::Mutex mutex_;
+  std::vector<std::unique_ptr<Entry>> idle_ ABSL_GUARDED_BY(mutex_);  // oldest first
+  PoolCounters counters_ ABSL_GUARDED_BY(mutex_);
 };
 
 // A frame's hold on one texture or reservation, which is given back on destruction. Movable.
