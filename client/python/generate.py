@@ -69,7 +69,8 @@ class _Dataclasses:
 
     def _type(self, field: Any) -> str:
         if field.enum_type is not None:
-            names = [word(value.name, field.enum_type.name) for value in field.enum_type.values if value.number > 0]
+            names = list(field.GetOptions().Extensions[self._pb2.setting].words) or [
+                word(value.name, field.enum_type.name) for value in field.enum_type.values if value.number > 0]
             return f"Literal[{', '.join(repr(name) for name in names)}]"
         if field.message_type is not None:
             one = f"{field.message_type.name} | dict[str, object]"

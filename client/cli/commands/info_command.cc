@@ -126,6 +126,7 @@ nlohmann::ordered_json to_json(const v1::SettingInfo& setting) {
   }
   for (const v1::Setting::Exception& exception : declaration.except()) {
     nlohmann::ordered_json row = {{"choice", exception.choice()}, {"word", exception.word()}};
+    if (exception.has_min()) row["min"] = exception.min();
     if (exception.has_max()) row["max"] = exception.max();
     if (exception.has_default_()) row["default"] = exception.default_();
     if (!exception.default_word().empty()) row["default"] = exception.default_word();

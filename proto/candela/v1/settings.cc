@@ -3,6 +3,7 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/ascii.h"
@@ -53,6 +54,7 @@ Setting in_force(const SettingField& field, const Message& holder) {
     const FieldDescriptor* choice = field.field->containing_type()->FindFieldByName(exception.choice());
     const int value = holder.GetReflection()->GetEnumValue(holder, choice);
     if (enum_word(*choice->enum_type(), value) != exception.word()) continue;
+    if (exception.has_min()) declaration.set_min(exception.min());
     if (exception.has_max()) declaration.set_max(exception.max());
     if (exception.has_default_()) declaration.set_default_(exception.default_());
     if (!exception.default_word().empty()) declaration.set_default_word(exception.default_word());
@@ -195,12 +197,14 @@ SettingInfo setting_info(const SettingField& field) {
   *info.mutable_declaration() = field.declaration();
   if (field.field->cpp_type() != FieldDescriptor::CPPTYPE_ENUM) return info;
   const EnumDescriptor& type = *field.field->enum_type();
+  const std::vector<std::string> words = words_of(field);
   for (int i = 0; i < type.value_count(); ++i) {
     const EnumValueDescriptor& value = *type.value(i);
-    if (value.number() == 0) continue;
+    const std::string word = enum_word(type, value.number());
+    if (std::find(words.begin(), words.end(), word) == words.end()) continue;
     SettingInfo::Choice& choice = *info.add_choices();
     choice.set_number(value.number());
-    choice.set_word(enum_word(type, value.number()));
+    choice.set_word(word);
     choice.set_summary(value.options().GetExtension(summary));
   }
   return info;
@@ -212,6 +216,12 @@ std::vector<std::string> enum_words(const EnumDescriptor& type) {
     if (type.value(i)->number() != 0) words.push_back(enum_word(type, type.value(i)->number()));
   }
   return words;
+}
+
+std::vector<std::string> words_of(const SettingField& field) {
+  const auto& words = field.declaration().words();
+  return words.empty() ? enum_words(*field.field->enum_type())
+                       : std::vector<std::string>(words.begin(), words.end());
 }
 
 std::string enum_word(const EnumDescriptor& type, int value) {
@@ -244,6 +254,11 @@ std::string format_number(double value) {
 
 std::string format_range(double min, double max) {
   return absl::StrFormat("%s .. %s", format_number(min), format_number(max));
+}
+
+std::string format_range(const Setting& declaration, const Setting::Exception& exception) {
+  return format_range(exception.has_min() ? exception.min() : declaration.min(),
+                      exception.has_max() ? exception.max() : declaration.max());
 }
 
 }  // namespace candela::v1

@@ -44,6 +44,9 @@ SettingInfo setting_info(const SettingField& field);
 // An enum's values as words for people, without the unspecified one: TONE_CURVE_ACES_HILL is "aces-hill".
 std::vector<std::string> enum_words(const google::protobuf::EnumDescriptor& type);
 
+// The words of a setting that is a choice: its declaration's, else all of its enum's.
+std::vector<std::string> words_of(const SettingField& field);
+
 // One value's word; the number itself if this build does not know it.
 std::string enum_word(const google::protobuf::EnumDescriptor& type, int value);
 
@@ -58,5 +61,7 @@ std::string deterministic_bytes(const google::protobuf::Message& message);
 // A number as people write it: "64", "0.18", "2^40".
 std::string format_number(double value);
 std::string format_range(double min, double max);  // "0 .. 10"
+// The range of numbers that the exception leaves: its own ends, else the declaration's.
+std::string format_range(const Setting& declaration, const Setting::Exception& exception);
 
 }  // namespace candela::v1

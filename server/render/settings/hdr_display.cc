@@ -12,10 +12,6 @@
 namespace candela {
 namespace {
 
-// Beyond them BT.2100 gives no gamma.
-constexpr double kLeastHlgPeakNits = 400.0;
-constexpr double kMostHlgPeakNits = 2000.0;
-
 absl::Status refused(std::string words) { return absl::InvalidArgumentError(std::move(words)); }
 
 // Without PQ or HLG there is no HDR display to describe.
@@ -92,10 +88,6 @@ absl::Status check_limit(const v1::Settings& settings) {
 
 absl::Status check_peaks(const v1::Settings& settings) {
   const double peak = settings.peak_nits();
-  if (settings.transfer() == v1::TRANSFER_HLG && !(peak >= kLeastHlgPeakNits && peak <= kMostHlgPeakNits)) {
-    return refused(absl::StrFormat("peak_nits is %g; for hlg it must be between %g and %g", peak,
-                                   kLeastHlgPeakNits, kMostHlgPeakNits));
-  }
   if (settings.curve() == v1::TONE_CURVE_ACES_2 && !aces_2_has_peak(peak)) {
     return refused(absl::StrFormat(
         "peak_nits is %g and curve is aces-2, which is published for 500, 1000, 2000 and 4000", peak));

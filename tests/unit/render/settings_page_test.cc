@@ -61,9 +61,8 @@ std::string range_text(const SettingField& setting) {
   if (!setting.is_number()) return "";
   std::string text = with_unit(format_range(declaration.min(), declaration.max()), declaration);
   for (const Setting::Exception& exception : declaration.except()) {
-    if (!exception.has_max()) continue;
-    absl::StrAppendFormat(&text, "; with `%s` %s", exception.word(),
-                          format_range(declaration.min(), exception.max()));
+    if (!exception.has_min() && !exception.has_max()) continue;
+    absl::StrAppendFormat(&text, "; with `%s` %s", exception.word(), format_range(declaration, exception));
   }
   return text;
 }

@@ -99,6 +99,11 @@ TEST(Settings, EachDeclarationIsComplete) {
       const std::vector<std::string> words = enum_words(*setting.field->enum_type());
       EXPECT_EQ(std::count(words.begin(), words.end(), declaration.default_word()), 1) << setting.path;
     }
+    for (const std::string& word : declaration.words()) {
+      ASSERT_TRUE(is_choice) << setting.path;
+      const std::vector<std::string> all = enum_words(*setting.field->enum_type());
+      EXPECT_EQ(std::count(all.begin(), all.end(), word), 1) << setting.path << " " << word;
+    }
     if (!setting.is_number()) continue;
     EXPECT_LT(declaration.min(), declaration.max()) << setting.path;
     EXPECT_TRUE(setting.field->has_presence()) << setting.path << ": absent and 0 must differ";
@@ -118,17 +123,19 @@ TEST(Settings, EachExceptionNamesAChoiceOfTheSameMessage) {
       const std::vector<std::string> words = enum_words(*choice->enum_type());
       EXPECT_EQ(std::count(words.begin(), words.end(), exception.word()), 1)
           << setting.path << " " << exception.word();
-      EXPECT_TRUE(exception.has_max() || exception.has_default_() || !exception.default_word().empty())
+      EXPECT_TRUE(exception.has_min() || exception.has_max() || exception.has_default_() ||
+                  !exception.default_word().empty())
           << setting.path;
       if (!exception.default_word().empty()) {
         const std::vector<std::string> own = enum_words(*setting.field->enum_type());
         EXPECT_EQ(std::count(own.begin(), own.end(), exception.default_word()), 1) << setting.path;
       }
       if (!setting.is_number()) continue;
+      const double min = exception.has_min() ? exception.min() : declaration.min();
       const double max = exception.has_max() ? exception.max() : declaration.max();
       const double initial = exception.has_default_() ? exception.default_() : declaration.default_();
-      EXPECT_LT(declaration.min(), max) << setting.path;
-      EXPECT_GE(initial, declaration.min()) << setting.path;
+      EXPECT_LT(min, max) << setting.path;
+      EXPECT_GE(initial, min) << setting.path;
       EXPECT_LE(initial, max) << setting.path;
     }
   }
@@ -246,22 +253,41 @@ TEST(Settings, EachNumberIsRefusedBeyondBothEndsOfItsRange) {
   }
 }
 
-TEST(Settings, AnotherMaximumHoldsWithTheChoiceThatItNames) {
+TEST(Settings, AnotherRangeHoldsWithTheChoiceThatItNames) {
   int tested = 0;
   for (const SettingField& setting : setting_fields()) {
     for (const Setting::Exception& exception : setting.declaration().except()) {
-      if (!exception.has_max()) continue;
-      Settings at = with_number(setting, exception.max());
-      choose(at, setting, exception);
-      EXPECT_OK(complete_settings(at)) << setting.path;
-      const double above = next_number(setting, exception.max(), kInfinity);
-      Settings beyond = with_number(setting, above);
-      choose(beyond, setting, exception);
-      expect_refused(setting, beyond, above, setting.declaration().min(), exception.max());
+      if (!exception.has_min() && !exception.has_max()) continue;
+      const double min = exception.has_min() ? exception.min() : setting.declaration().min();
+      const double max = exception.has_max() ? exception.max() : setting.declaration().max();
+      for (const auto& [end, outside] : {std::pair(min, -kInfinity), std::pair(max, kInfinity)}) {
+        Settings at = with_number(setting, end);
+        choose(at, setting, exception);
+        EXPECT_OK(complete_settings(at)) << setting.path;
+        const double beyond = next_number(setting, end, outside);
+        Settings refused = with_number(setting, beyond);
+        choose(refused, setting, exception);
+        expect_refused(setting, refused, beyond, min, max);
+      }
       ++tested;
     }
   }
   EXPECT_GT(tested, 0);
+}
+
+TEST(Settings, AChoiceThatTakesSomeWordsOfItsEnumListsThese) {
+  const auto words = [](const std::string& path) {
+    std::vector<std::string> words;
+    for (const SettingField& setting : setting_fields()) {
+      if (setting.path != path) continue;
+      for (const SettingInfo::Choice& choice : setting_info(setting).choices())
+        words.push_back(choice.word());
+    }
+    return words;
+  };
+  EXPECT_EQ(words("display_primaries"), (std::vector<std::string>{"rec2020", "p3-d65"}));
+  EXPECT_EQ(words("limit_primaries"), (std::vector<std::string>{"rec2020", "p3-d65"}));
+  EXPECT_EQ(words("input_primaries").size(), 6u);
 }
 
 TEST(Settings, AnUnknownChoiceIsRefusedByNameAndNumber) {

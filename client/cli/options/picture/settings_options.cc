@@ -206,9 +206,8 @@ std::string number_words(const SettingField& setting) {
       parts.push_back(
           absl::StrFormat("%s: default %s", exception.word(), format_number(exception.default_())));
     }
-    if (exception.has_max()) {
-      parts.push_back(
-          absl::StrFormat("%s: %s", exception.word(), v1::format_range(declaration.min(), exception.max())));
+    if (exception.has_min() || exception.has_max()) {
+      parts.push_back(absl::StrFormat("%s: %s", exception.word(), v1::format_range(declaration, exception)));
     }
   }
   return absl::StrCat("; ", v1::format_range(declaration.min(), declaration.max()), parts.empty() ? "" : " (",
@@ -262,14 +261,15 @@ std::string default_choice_words(const v1::Setting& declaration) {
 void add_choice(CLI::App& app, const SettingField& setting, Message& holder) {
   const v1::Setting& declaration = setting.declaration();
   const google::protobuf::EnumDescriptor& type = *setting.field->enum_type();
-  add_text(
-      app, declaration.group(), "--" + declaration.flag(), "NAME",
-      absl::StrFormat("%s: %s%s", declaration.help(), choice_help(type), default_choice_words(declaration)),
-      [&setting, &type, &holder](const std::string& word) {
-        const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
-        if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
-        return value.status();
-      });
+  const std::string words =
+      declaration.words().empty() ? choice_help(type) : choice_help(type, v1::words_of(setting));
+  add_text(app, declaration.group(), "--" + declaration.flag(), "NAME",
+           absl::StrFormat("%s: %s%s", declaration.help(), words, default_choice_words(declaration)),
+           [&setting, &type, &holder](const std::string& word) {
+             const absl::StatusOr<int> value = enum_value(type, setting.declaration().flag(), word);
+             if (value.ok()) holder.GetReflection()->SetEnumValue(&holder, setting.field, *value);
+             return value.status();
+           });
 }
 
 void add_word(CLI::App& app, const SettingField& setting, Message& holder) {

@@ -85,8 +85,9 @@ std::vector<std::string> choice_words(const EnumDescriptor& type) {
   return words;
 }
 
-std::string choice_help(const EnumDescriptor& type) {
-  std::vector<std::string> words = choice_words(type);
+std::string choice_help(const EnumDescriptor& type) { return choice_help(type, choice_words(type)); }
+
+std::string choice_help(const EnumDescriptor& type, std::vector<std::string> words) {
   for (std::string& word : words) {
     const std::vector<std::string> others = other_names(type, word);
     if (!others.empty()) absl::StrAppend(&word, " (", absl::StrJoin(others, ", "), ")");

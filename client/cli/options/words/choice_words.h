@@ -16,6 +16,8 @@ std::vector<std::string> choice_words(const google::protobuf::EnumDescriptor& ty
 
 // The same for --help, with other names: "rec709 (srgb, linear-srgb, bt709), rec2020 (bt2020)".
 std::string choice_help(const google::protobuf::EnumDescriptor& type);
+// The same of some of the enum's words.
+std::string choice_help(const google::protobuf::EnumDescriptor& type, std::vector<std::string> words);
 
 // The value that a word means. The usage error suggests near words, or what to do instead. `what` is, for
 // example, "curve".
