@@ -33,14 +33,14 @@ class ChannelServers final : public SessionServers {
   std::unique_ptr<ClientCall> call(size_t server, const std::string& session) override;
   void put(size_t server, std::shared_ptr<const Panorama> panorama, absl::Time deadline) override;
 
-  // Waits for what the driver has to know next, and passes it on.
+  // Waits for the next event, and gives it to the driver.
   void pass_on(SessionDriver& driver);
   // The driver gets CallEvent::kWoken.
   void wake() { queue_.wake(); }
 
  private:
   const std::vector<SessionServer> servers_;
-  std::function<absl::StatusOr<v1::Environment>()> put_;  // is due
+  std::function<absl::StatusOr<v1::Environment>()> put_;  // pass_on() calls it next; null: nothing to put
   CallQueue queue_;
 };
 

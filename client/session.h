@@ -123,7 +123,7 @@ struct FrameResult {
   // INVALID_ARGUMENT or DEADLINE_EXCEEDED if this frame failed. The session continues.
   absl::Status status;
   // Set if status is OK; only its header if the encoding is NONE. It may lie in the session's shared memory:
-  // images that are kept leave less for the next ones, which then come in bands.
+  // an image that the caller still holds leaves less room for later ones, which then come in bands.
   RenderResult image;
   absl::Duration latency;  // from submit() to the arrival of the whole result
 };
@@ -161,10 +161,10 @@ class Session {
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;
 
-  // Queues the frame for sending. Waits while stats().window frames have no result or as many results have
-  // not been taken, so a thread that both submits and takes must check ready() first. Returns
-  // INVALID_ARGUMENT for a malformed frame or one out of order; the session continues without it. Returns
-  // FAILED_PRECONDITION after finish(), and the session's final status once it has failed.
+  // Queues the frame for sending. Waits while stats().window frames have no result, or while as many results
+  // wait for next_result(). So a thread that calls both must check ready() first. Returns INVALID_ARGUMENT
+  // for a malformed frame or one out of order; the session continues without it. Returns FAILED_PRECONDITION
+  // after finish(), and the session's final status once it has failed.
   absl::Status submit(SessionFrame frame);
 
   // Memory for a frame of this size: shared with the server if it can be, and some of it is free, or else

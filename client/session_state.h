@@ -98,7 +98,7 @@ class SessionState {
 
   mutable absl::Mutex mutex_;
   SessionLog log_ ABSL_GUARDED_BY(mutex_);
-  std::deque<FrameResult> results_ ABSL_GUARDED_BY(mutex_);  // not taken yet
+  std::deque<FrameResult> results_ ABSL_GUARDED_BY(mutex_);  // not returned yet
   uint32_t window_ ABSL_GUARDED_BY(mutex_) = 0;
   uint64_t submitted_ ABSL_GUARDED_BY(mutex_) = 0;
   uint64_t sent_before_ ABSL_GUARDED_BY(mutex_) = 0;  // frames in the log that earlier calls sent

@@ -44,7 +44,7 @@ class OpenConnections {
 
   mutable absl::Mutex mutex_;
   std::vector<Known> known_ ABSL_GUARDED_BY(mutex_);
-  size_t look_at_ = 64;  // known ones, before the next look for those that are gone
+  size_t look_at_ = 64;  // with this many known ones, add() forgets those that are gone
 };
 
 // One thread accepts. Beyond `max_connections`, or without a descriptor, the newest connection is closed at
@@ -77,7 +77,7 @@ class AcceptLoop {
   OpenConnections& connections_;
   Metrics& metrics_;
   Clock& clock_;
-  size_t at_most_ = 0;  // the last count, and what was accepted since
+  size_t at_most_ = 0;  // no more are open: the last count and what was accepted since
   OneASecond lines_;
   int spare_;           // a descriptor that is given up to accept and close a connection
   const int stop_;      // becomes readable when the thread shall end

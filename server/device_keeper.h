@@ -28,7 +28,7 @@ struct RenderDevice {
 };
 
 // Opens a device, creates its renderer and compares a test frame with the reference. `clock` outlives the
-// result. A host that cannot make the passes is not taken in place of a GPU.
+// result. If the host cannot make the passes, it is not used in place of a missing GPU.
 absl::StatusOr<std::shared_ptr<RenderDevice>> open_render_device(const DeviceOptions& options,
                                                                  uint64_t budget_bytes, Clock& clock,
                                                                  ExecutorKind executor);

@@ -12,7 +12,7 @@ namespace candela {
 
 inline constexpr uint64_t kDefaultMemoryBudgetBytes = uint64_t{2} << 30;
 
-// The memory quota of gRPC for so many sessions and calls: for what they sent and the server has not taken
+// The memory quota of gRPC for so many sessions and calls: for what they sent and the server has not read
 // yet, and something for connections. A session and a call beside it have what MemoryBudget::most_sessions
 // leaves for them.
 size_t grpc_quota_bytes(uint32_t sessions, uint32_t calls);

@@ -28,7 +28,8 @@ class OwnDoor {
   };
   struct Options {
     absl::Duration interval = absl::Seconds(5);  // between checks, and the time for an answer
-    // Time without an answer after which the server counts as deaf, and after which it is beyond hope.
+    // Without an answer for `limit`, State::answers becomes false; without one for `dead_limit`,
+    // State::alive, too.
     absl::Duration limit = absl::Seconds(30);
     absl::Duration dead_limit = absl::Minutes(2);
   };

@@ -8,10 +8,10 @@
 
 namespace candela {
 
-// What the driver of calls is told.
+// The events of a call, which its driver gets.
 enum class CallEvent {
-  kTimeout,   // the time that it named has passed
-  kWoken,     // somebody has something for it, see CallQueue::wake()
+  kTimeout,   // the driver's deadline has passed
+  kWoken,     // another thread called CallQueue::wake()
   kWritable,  // can_write() may be true now
   kMessage,   // message() holds the next message
   kEnded,     // status() says how; no other event of this call follows
@@ -31,13 +31,14 @@ class ClientCall {
   virtual void half_close() = 0;  // takes the place of a write; none may follow
 
   virtual grpc::ByteBuffer& message() = 0;
-  // The message is used, and the next one may come. Due after each kMessage.
+  // Reads the next message, so message() is no longer valid. Call it once after each kMessage.
   virtual void read() = 0;
 
   // Asks for the call's end; kEnded follows soon.
   virtual void cancel() = 0;
 
-  // All that follows is for after the end. A status that the server gave, or what ended the call.
+  // Call this and what follows only after the end. The status that the server gave, or why the call ended
+  // without one.
   virtual const grpc::Status& status() const = 0;
   // True if the server was reached: a message was sent to it, or it refused the call with details, which may
   // come before the first message is sent.

@@ -27,7 +27,8 @@ absl::Status check_image_size(const v1::ResultHeader& header, v1::ImageSize fram
 // Makes result.data of result.bytes. RESOURCE_EXHAUSTED if this process lacks the memory.
 absl::Status make_room(RenderResult& result);
 
-// Collects the bands of one image. Used by one thread at a time. Without begin() it is empty and whole.
+// Collects the bands of one image. Used by one thread at a time. Before begin() it expects no rows, and none
+// are missing.
 class IncomingBands {
  public:
   explicit IncomingBands(v1::BandKind kind) : kind_(kind) {}
@@ -38,7 +39,7 @@ class IncomingBands {
              v1::OutputFormat left_out = v1::OUTPUT_FORMAT_UNSPECIFIED);
 
   // Takes the next message and copies its rows into place. Returns not_the_protocol() unless they follow the
-  // rows taken so far.
+  // rows received so far.
   absl::Status take(grpc::ByteBuffer& message);
 
   bool whole() const { return at_ == bytes_.size(); }

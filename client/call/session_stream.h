@@ -71,7 +71,7 @@ class SessionStream {
   StreamReader reader_;
   const bool asked_before_;
   const v1::StreamRequest open_request_;
-  const absl::Time open_by_;                     // a server that has not opened the session by then is left
+  const absl::Time open_by_;                     // when to leave a server that has not opened the session
   bool asked_ = false;                           // the open message is out
   bool open_ = false;                            // the server has opened the session
   bool leaving_ = false;                         // the server goes away, so nothing more is sent

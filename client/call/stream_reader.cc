@@ -94,7 +94,7 @@ absl::StatusOr<StreamEvent> StreamReader::take_header(v1::ResultHeader header, c
   }
   if (header.image_in_memory()) {
     if (due.place.size != raw_bytes || header.encoded_bytes() > 0) {
-      return not_the_protocol("an image is in memory that was not given");
+      return not_the_protocol("an image is in shared memory that was not offered for it");
     }
     result_ = {};
     result_.data = PixelMemory(due.place.bytes.get(), {.owner = due.place.bytes});

@@ -33,10 +33,10 @@ struct ViewError {
   uint64_t pixels = 0;  // that were compared; 0 if none is opaque
 };
 
-// Compares the image with what OpenColorIO itself makes of the file's values. Where nothing changes them on
-// their way to the view (exposure 1, no bloom, no white balance, no other size) and ViewTable::input names
-// their colour space, that is all. Otherwise they become scene light, by OpenColorIO or by the primaries of
-// the settings, their bloom is made and they are resized in float64, and ViewTable::show shows them at the
+// Compares the image with what OpenColorIO itself makes of the file's values. OpenColorIO shows the values
+// directly if nothing changes them before the view (exposure 1, no bloom, no white balance, no other size)
+// and ViewTable::input names their colour space. Otherwise OpenColorIO or the primaries of the settings make
+// scene light of them, bloom and resizing follow in float64, and ViewTable::show shows the result at the
 // header's exposure. Nothing is rounded to half, and nothing is cut. NaN is taken as 0 and Inf as +-65504.
 // Fails as Settings do on the server, for settings that it would refuse. Takes about 2 seconds a megapixel
 // and 60 bytes a pixel. Any thread.

@@ -25,7 +25,8 @@ struct InteropSpace {
 const InteropSpace* find_interop_space(absl::string_view id);
 
 // Whether the ID names the signal of a display: one of the Forum's, another one that ends in "_display", or
-// PQ or HLG of anything. IDs with a namespace, as in "studio:name", are nobody's but the namespace's: false.
+// PQ or HLG of anything. False for an ID with a namespace, such as "studio:name": only its studio knows what
+// it means.
 bool is_display_interop_id(absl::string_view id);
 
 // "lin_ap1_scene" for linear light of these primaries, which are Rec.709 if there are none; "unknown" if no

@@ -137,7 +137,8 @@ struct WriteOptions {
   // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   HdrDisplay hdr{};  // with the transfers kPq and kHlg
-  // Above 0: the picture's fourth component is the gain map of a JPEG, as gain_map_in_alpha() says.
+  // Above 0: the fourth component of each pixel is not its alpha but its code in the JPEG's gain map; see
+  // gain_map_in_alpha().
   double gain_map_max_log2 = 0;
   std::shared_ptr<const GainMapCodes> gain_map{};  // of a JPEG: another gain map, or null
   int jpeg_quality = 92;                           // 1..100, of a JPEG or AVIF

@@ -12,9 +12,9 @@
 namespace candela {
 
 // The standard attributes that stay true when the picture's values change: who made it, when, where and with
-// which camera and lens, its time code, its projection, and where its display window lies. Colour, previews
-// and everything about how pixels are stored is not kept, and neither are texts of more than 1 MiB. Frames
-// per second and pixel aspect have their own members in Image.
+// which camera and lens, its time code, its projection, and where its display window lies. Left out are
+// colour, previews, everything about how pixels are stored, and texts of more than 1 MiB. Frames per second
+// and pixel aspect have their own members in Image.
 class KeptAttributes {
  public:
   explicit KeptAttributes(const Imf::Header& input);

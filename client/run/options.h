@@ -75,7 +75,7 @@ struct VerifyChoice {
   std::string error_map;  // a .png, "" for none; only with `verify`
 };
 
-// What all runs are told.
+// The options that all runs have.
 struct RunOptions : PictureOptions {
   ServerChoice server;
   std::string locked_exposure;  // an exposure file that gives all frames one exposure; "" for none
@@ -110,7 +110,7 @@ struct StreamOptions : SessionRunOptions {
   std::string output;              // a pattern with a number, a folder, or a film; "-" for standard output
   std::optional<FilmFormat> film;  // of a film
   std::optional<PipeFormat> pipe;  // of standard output, or of what a film is made from
-  bool verbose = false;            // tell ffmpeg's command line
+  bool verbose = false;            // show ffmpeg's command line
   // The number of the first image, from which the images are counted; nothing: each has its frame's number.
   std::optional<int64_t> first;
   // Exposure files, "" for none; at most one of the first two and locked_exposure.

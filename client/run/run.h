@@ -46,7 +46,7 @@ class Run {
 
   // Null without --ocio.
   const std::shared_ptr<const BakedView>& view() const { return view_; }
-  // False for numbers, which no gamut cuts.
+  // False if the view shows the files' values as they are (data): then no gamut cuts anything.
   bool shows_light() const { return view_ == nullptr || !view_->view.as_is; }
   // The settings of all frames, without the view.
   const v1::Settings& settings() const { return options_.settings; }

@@ -1,4 +1,4 @@
-// Who a client is, as far as it cannot pose as many.
+// Identifies a client by what it cannot invent, so that one client cannot pass for many.
 #pragma once
 
 #include <grpcpp/server_context.h>

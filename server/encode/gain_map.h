@@ -44,8 +44,8 @@ struct GainMapCodes {
   std::vector<uint8_t> codes;
 };
 
-// The map of one channel in a picture's fourth components, in which 255 stands for this log2 and 0 for none.
-// Absent if the log2 is 0.
+// The gain map of one channel that a server sends in place of alpha: the fourth component of each pixel is
+// its code. Code 255 stands for a gain of 2^max_log2, code 0 for a gain of 1. Absent if max_log2 is 0.
 std::optional<GainMapCodes> gain_map_in_alpha(const PictureView& picture, double max_log2);
 
 // INVALID_ARGUMENT, naming the number, unless all are finite, minima are at most maxima, logarithms are

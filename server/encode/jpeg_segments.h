@@ -25,8 +25,8 @@ struct JpegSegments {
 };
 
 // Finds the segments of the picture that begins with the first byte. The result points into `file`. What is
-// between the scans and behind the picture is skipped. INVALID_ARGUMENT, with a message that begins with no
-// name, if no picture begins there, a segment before the scans is not whole, or there are more than 4096.
+// between the scans and behind the picture is skipped. INVALID_ARGUMENT, whose message does not name the
+// file, if no picture begins there, a segment before the scans is not whole, or there are more than 4096.
 absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file);
 
 }  // namespace candela

@@ -34,7 +34,7 @@ struct FrameReport {
   std::string tier_reason;            // if max_error_codes chose it, a line for people
   std::optional<double> error_bound;  // if max_error_codes chose the tier: the largest error in codes
   std::vector<StageTime> stages;
-  std::optional<FrameVerification> verification;  // if the memory was taken for it
+  std::optional<FrameVerification> verification;  // if the memory was allocated for it
 };
 
 // What a report says before the frame is drawn. The exposure has to be finite and above 0.
@@ -54,8 +54,8 @@ class FrameMaker {
   virtual ~FrameMaker() = default;
 
   // Takes the memory for a frame. RESOURCE_EXHAUSTED if the pool's budget can never hold it, UNAVAILABLE if
-  // the budget does not hold it beside the frames in flight. The settings' output format, metering, bloom and
-  // tier and `verify` decide what is taken. Any thread; never waits.
+  // the budget does not hold it beside the frames in flight. Its size depends on `desc`, on the settings'
+  // output format, metering, bloom and tier, and on `verify`. Any thread; never waits.
   virtual absl::StatusOr<FrameMemory> allocate(const FrameDesc& desc, const Settings& settings,
                                                Verify verify = Verify::kNo) = 0;
 
@@ -72,8 +72,8 @@ class FrameMaker {
                                      const FrameMoment& moment = {});
 
   // The two halves of render(). The caller decides the exposure between them, and may meter or draw other
-  // frames before it calls draw(), once. If max_error_codes has to choose the tier, draw() does; the device
-  // has metered the frame, unless only the reference can keep it.
+  // frames before it calls draw(), once. If the settings have max_error_codes, draw() chooses the tier.
+  // meter() has then used the device, unless only the tier `reference` can keep that bound.
   virtual absl::StatusOr<Metered> meter(FrameMemory& memory, const Settings& settings) = 0;
   virtual absl::StatusOr<FrameReport> draw(FrameMemory& memory, const Settings& settings, uint64_t sequence,
                                            const Metered& metered, const Exposed& exposed) = 0;

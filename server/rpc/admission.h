@@ -15,9 +15,9 @@
 namespace candela {
 
 // Admits the frames of one call, one after the other. A frame is admitted when its first band has come, so
-// that headers alone hold nothing. No more bands are read until then: a client whose frame is not admitted is
-// held back by HTTP/2 flow control or refused, and is never buffered. All methods are called under the call's
-// mutex.
+// that headers alone take no memory. No more bands are read until then: a client whose frame is not admitted
+// is held back by HTTP/2 flow control or refused, and is never buffered. All methods are called under the
+// call's mutex.
 class Admission {
  public:
   struct Request {
@@ -33,8 +33,8 @@ class Admission {
     absl::Duration patience = absl::ZeroDuration();
   };
   // Called once, under the call's mutex: within begin(), on the render thread or on a thread of gRPC. Fails
-  // as FrameMaker::allocate and RenderSteps::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there is
-  // no memory for the look-ahead.
+  // as FrameMaker::allocate and RenderSteps::submit do, and with RESOURCE_EXHAUSTED or UNAVAILABLE if there
+  // is no memory for the look-ahead.
   using Done = std::function<void(absl::StatusOr<std::shared_ptr<Frame>>)>;
 
   // `call` owns this object. Its frames are `client`'s.
@@ -46,8 +46,8 @@ class Admission {
         environments_(state.environments),
         client_(client) {}
 
-  // The next frame has its header; the one before is admitted. Takes nothing. RESOURCE_EXHAUSTED if the frame
-  // or its look-ahead can never be admitted.
+  // The next frame has its header; the one before is admitted. Allocates nothing. RESOURCE_EXHAUSTED if the
+  // frame or its look-ahead can never be admitted.
   absl::Status expect(Request request);
   // Its first band is here.
   void begin(Done done);
@@ -88,9 +88,9 @@ class Admission {
   uint64_t reserved_bytes_ = 0;  // of the look-ahead memory; grows with the largest frame
 };
 
-// Makes `request` one for a view. `held` is the environment that the client's session holds, or null: a
-// session goes on with it after DropEnvironment, and only a lost device takes it away. NOT_FOUND naming the
-// environment if the server does not have it; INVALID_ARGUMENT naming the view's field.
+// Makes `request` one for a view. `held` is the environment of the session's last view, or null. The session
+// may use it even after DropEnvironment; only a lost device takes it away. NOT_FOUND naming the environment
+// if the server does not have it; INVALID_ARGUMENT naming the view's field.
 absl::Status use_view(const v1::View& view, const EnvironmentUse& held, ServiceState& state,
                       Admission::Request& request);
 

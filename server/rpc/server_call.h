@@ -18,10 +18,10 @@
 
 namespace candela {
 
-// Its transport owns a call until on_done. The call gives its place in the gate up when it finishes, and
-// leaves in on_done or, if the peer is dead, one idle timeout after it finished. Methods without a note may
-// be called from any thread. The mutex is never held for longer than it takes to copy or to decompress one
-// band.
+// Its transport owns a call until on_done. The call gives up its place in the gate when it finishes. It
+// leaves the gate in on_done or, if the peer is dead, one idle timeout after it finished. Methods without a
+// note may be called from any thread. The mutex is never held for longer than it takes to copy or to
+// decompress one band.
 class ServerCall : public std::enable_shared_from_this<ServerCall> {
  public:
   virtual ~ServerCall() = default;
@@ -55,14 +55,15 @@ class ServerCall : public std::enable_shared_from_this<ServerCall> {
   // Calls on_idle() after `wait`. Replaces an earlier watch.
   void watch_idle(absl::Duration wait) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Duration idle_timeout() const { return idle_timeout_; }
-  // DEADLINE_EXCEEDED if the upload of `frame`, which began `taken` ago, is too slow. A client that sends one
-  // row a minute makes progress, but must not go on for days.
+  // DEADLINE_EXCEEDED if the upload of `frame`, which began `taken` ago, takes too long. A client that sends
+  // one row a minute makes progress, but must not go on for days.
   absl::Status check_upload_time(absl::string_view frame, absl::Duration taken) const;
 
   virtual void on_entered() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
   // The call is still running: watch again, or end it.
   virtual void on_idle() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
-  // The call ends with `status`: release what it holds. `message` is what the client is told.
+  // The call ends with `status`: release its memory and jobs. `message` is the error text that the client
+  // gets.
   virtual void on_finish(const absl::Status& status, const std::string& message)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
 

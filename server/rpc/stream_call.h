@@ -101,7 +101,7 @@ class StreamCall final : public ServerCall, public SessionCall {
   // Reads nothing more. Frames that were received completely are answered, unless they wait for later ones.
   // Then the call ends with `status`.
   void read_no_more(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // Does so because a message was refused before its frame had memory, and counts that.
+  // The same for a message that was refused before its frame had memory. Counts the refusal.
   void refuse(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Reads nothing more and releases `dropped`. The call ends with `status` once the other frames are
   // answered.
@@ -122,7 +122,7 @@ class StreamCall final : public ServerCall, public SessionCall {
   std::optional<Open> open_ ABSL_GUARDED_BY(mutex_);
   Admission admission_ ABSL_GUARDED_BY(mutex_);
   EnvironmentUse environment_
-      ABSL_GUARDED_BY(mutex_);  // of the newest view: it is kept until the session ends
+      ABSL_GUARDED_BY(mutex_);  // of the newest view; the session may use it until it ends
   std::optional<ClientPixels> shared_ ABSL_GUARDED_BY(mutex_);  // of the newest header
   uint64_t sequence_ ABSL_GUARDED_BY(mutex_) = 0;               // of the newest header
   std::optional<BandReader> bands_ ABSL_GUARDED_BY(mutex_);

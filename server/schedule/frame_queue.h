@@ -57,8 +57,8 @@ struct FrameJob {
   // that belongs to the render thread, which waits meanwhile; at a checkpoint other jobs use them. Its error
   // is the job's.
   std::function<absl::Status()> task = nullptr;
-  // A frame that takes long: it is rendered in slices. The render loop adds those of which their memory says
-  // so, and those with a long source.
+  // The frame is rendered in slices, because it takes long. The render loop also sets this for frames with
+  // FrameMemory::takes_long() and for those with a long source.
   bool in_slices = false;
   // The flow's later jobs wait for the end of this one, as frames of a session do. Otherwise those of its
   // jobs that run in slices alternate with the rest. A task is never ordered.
@@ -84,13 +84,14 @@ absl::StatusOr<FrameReport> render_frame(const FrameJob& job);
 // Runs the job's task, or renders its frame.
 absl::StatusOr<FrameReport> run_job(const FrameJob& job);
 
-// The next job comes from the flow that will have used the least device time after it, if it takes as long as
-// the flow's last one did; ordered jobs of one flow keep their order, and the others
-// alternate. So a small frame does not wait for a slice of each of many flows. A new flow, or one that
-// returns after a pause, starts at the current fair share: it cannot claim time that it did not use, and no
-// number of new flows starves an old one. (This is the virtual time of J. Bennett and H. Zhang, "Hierarchical
-// packet fair queueing algorithms", 1997, with the measured time as the cost.) Not thread-safe. A job that
-// runs in slices is charged for each and then goes back to its flow, so slices of several flows alternate.
+// Serves flows fairly, by device time. The next job comes from the flow that will have used the least device
+// time after it, if the job takes as long as the flow's last one did. So a small frame does not wait for a
+// slice of each of many flows. Ordered jobs of one flow keep their order, and the others alternate. A new
+// flow, or one that returns after a pause, starts at the current fair share: it cannot claim time that it did
+// not use, and no number of new flows starves an old one. (This is the virtual time of J. Bennett and H.
+// Zhang, "Hierarchical packet fair queueing algorithms", 1997, with the measured time as the cost.) Not
+// thread-safe. A job that runs in slices is charged for each and then goes back to its flow, so slices of
+// several flows alternate.
 class FrameQueue {
  public:
   explicit FrameQueue(size_t capacity) : capacity_(capacity) {}
@@ -103,14 +104,14 @@ class FrameQueue {
   void put_back(FrameJob job);
   // Charges `flow` for the device time that its job took. Call it before the next pop().
   void charge(Flow flow, absl::Duration time);
-  // Charges it for work elsewhere that only it causes.
+  // Charges `flow` for work on other threads that only this flow causes.
   void charge_elsewhere(Flow flow, absl::Duration time);
   // Removes a waiting job from the queue. Returns nothing if it is not waiting.
   std::optional<FrameJob> remove(Ticket ticket);
 
   bool empty() const { return waiting_ == 0; }
   size_t size() const { return waiting_; }
-  size_t flows() const { return shares_.size(); }  // that have an account
+  size_t flows() const { return shares_.size(); }  // whose device time is counted
 
  private:
   struct Share {

@@ -17,12 +17,12 @@ namespace candela {
 class Heartbeat {
  public:
   struct Options {
-    // Time without a good frame after which a beat is sent.
+    // A beat is sent after this long without a good frame.
     absl::Duration interval = absl::Seconds(5);
-    // Time without a good frame after which the device counts as failed.
+    // The device counts as failed after this long without a good frame.
     absl::Duration limit = absl::Seconds(30);
-    // Time in which no frame ends after which the thread counts as stuck. Longer, because a slow frame is not
-    // a stuck one.
+    // The render thread counts as stuck if no frame ends for this long. It is longer than `limit`, because a
+    // slow frame is not a stuck one.
     absl::Duration moving_limit = absl::Minutes(2);
   };
   struct Pulse {

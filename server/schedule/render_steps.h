@@ -29,11 +29,11 @@ class RenderSteps {
   // is closed; then `done` is never called.
   absl::StatusOr<Ticket> submit(FrameJob job);
 
-  // Counts `time` as device time of `flow`: that of work elsewhere that only this flow causes.
+  // Counts `time` as device time of `flow`: that of work on other threads that only this flow causes.
   void charge(Flow flow, absl::Duration time);
 
-  // Runs `task` on the render thread ahead of the waiting jobs. Only for the heartbeat: whatever a client
-  // asks for is submitted. UNAVAILABLE if this is closed; then the task never runs.
+  // Runs `task` on the render thread ahead of the waiting jobs. Only for the heartbeat. What clients ask for
+  // goes through submit(). UNAVAILABLE if this is closed; then the task never runs.
   absl::Status post(std::function<void()> task);
 
   // Returns true if the job was still waiting, for its first or its next slice: it is removed, and its `done`

@@ -18,8 +18,8 @@ class Drain {
   using Ended = std::function<void(bool drained)>;
 
   // Closes the gates and tells the sessions of `table` to go away. Then calls `ended` once: with true when
-  // every call has left, which may be before this returns, or with false from on_time(). The gates keep the
-  // drain until their calls have left.
+  // every call has left, which may be before this returns, or with false from on_time(). The gates refer to
+  // the drain until their calls have left.
   static std::shared_ptr<Drain> begin(CallGate& calls, CallGate& sessions, const SessionTable& table,
                                       Ended ended);
 

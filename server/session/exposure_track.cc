@@ -128,8 +128,8 @@ std::optional<double> ExposureTrack::deciding_mean() const {
   return frame.has_mean() ? mean_of_first() : std::nullopt;
 }
 
-// Of a frame that repeats the last one. A resume token does not hold it; if look-ahead took part, this is the
-// frame's own.
+// The target before its limits, of a frame that repeats the last one. A resume token does not hold this
+// number, so it is computed again, from this frame's own mean even if look-ahead decided the exposure.
 double ExposureTrack::before_limits_again(const Waiting& frame) const {
   const Exposed& exposed = point_.exposed;
   if (exposed.target_before_limits != 0) return exposed.target_before_limits;

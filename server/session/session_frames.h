@@ -68,9 +68,9 @@ class SessionFrames {
   using EntryPtr = std::shared_ptr<Entry>;
   using Entries = std::vector<EntryPtr>;
 
-  // Continues behind `point`. At most `capacity` + `lookahead` frames are held at a time. If not `draws`, the
-  // frames are only metered and decided. `resumed_at` is the frame of the token that the session was resumed
-  // with, if it was.
+  // Continues after `point`. The session has at most `capacity` + `lookahead` frames at a time. Unless
+  // `draws`, the frames are metered and their exposure is decided, but there are no images. `resumed_at` is
+  // the frame of the token that the session was resumed with, if it was.
   SessionFrames(uint32_t lookahead, double cut_threshold_ev, const ExposurePoint& point, size_t capacity,
                 bool draws = true, std::optional<uint64_t> resumed_at = std::nullopt);
 
@@ -87,9 +87,9 @@ class SessionFrames {
   // Whether a frame of this number is passed over: the session was resumed behind it, and no later frame
   // came.
   bool passes_over(uint64_t sequence) const { return resumed_at_ && sequence < *resumed_at_ && !moved_on_; }
-  // Adds such a frame. `settings_hash` is the resumed session's.
+  // Adds a frame that is passed over. `settings_hash` is the resumed session's.
   void add_passed(uint64_t sequence, const WireLayout& layout, std::string settings_hash);
-  // All of it came.
+  // All of the frame has arrived.
   static void passed(Entry& entry);
   // No more frames follow. Frames that waited for them may be decided now.
   void close();

@@ -20,7 +20,8 @@ class SettingsTrack {
   // Counts a colour table of so many bytes as long as the result lives, or fails if there is no room for it.
   using ClaimTable = std::function<absl::StatusOr<std::shared_ptr<const void>>(uint64_t bytes)>;
 
-  // The settings before the first frame. The table of every change is claimed before it is kept.
+  // The settings before the first frame. `claim_table` counts the memory of each change's table before the
+  // change is stored.
   SettingsTrack(SessionSettings opened, v1::Encoding encoding, ClaimTable claim_table);
 
   // Continues after frame `sequence` of another call.

@@ -25,15 +25,16 @@ class SessionMemory {
 
   // A call to `address` begins.
   void begin_call(const std::string& address);
-  // The call was lost without a result, and this may be why: no more regions.
+  // The call was lost without a result. Shared memory may be the cause, so this session makes no more
+  // regions.
   void give_up();
 
   // Room for a frame of `bytes`, in a region that also has room for `window` frames of this size and their
-  // images of `image_bytes`. None if there is no such memory, or if its areas are all taken. Waits for the
-  // server's answer, and not for its calls.
+  // images of `image_bytes`. Nothing if memory cannot be shared, or if all areas are in use. Waits until the
+  // server has registered a new region, but never for a call.
   SharedRegion::Area area(uint64_t bytes, uint64_t image_bytes, uint32_t window);
 
-  // That of the call; null if there is none.
+  // The region of the call; null if it has none.
   std::shared_ptr<SharedRegion> region() const;
 
   // OK if the server of the call registers regions.

@@ -33,7 +33,8 @@ class SharedRegion : public std::enable_shared_from_this<SharedRegion> {
   SharedRegion(const SharedRegion&) = delete;
   SharedRegion& operator=(const SharedRegion&) = delete;
 
-  // `bytes` that no other area has, with what the last one left. None if there is no room.
+  // An area of `bytes` that no other area overlaps. It still holds what was last written there. Nothing if
+  // there is no room.
   Area take(uint64_t bytes);
   // The offset of `bytes`; none if a part of them is outside, or if no frame may begin there.
   std::optional<uint64_t> offset_of(std::span<const std::byte> bytes) const;

@@ -20,7 +20,7 @@ namespace candela {
 // A command as it was asked for, parsed and checked.
 struct ParsedCommand {
   // Does it: prints what it did, unless --quiet is set, and returns its failure. It returns a usage error
-  // (see usage.h) if a wrong option only shows while it works. It opens the destination of --json after it
+  // (see usage.h) if only the work shows that an option is wrong. It opens the destination of --json after it
   // has checked its outputs, and closes it if it succeeds.
   std::function<absl::Status(JsonOutput&)> run;
   std::string json;  // the destination of --json

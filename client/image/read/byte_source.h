@@ -28,7 +28,7 @@ class ByteSource {
   // Ends the stream, also for a get() or take() that waits. Any thread.
   void stop();
 
-  // Why the stream cannot be read; OK at its end. stop() is an end.
+  // Why the stream cannot be read. OK at its end, and after stop().
   absl::Status status() const;
 
  private:

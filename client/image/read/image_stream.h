@@ -20,22 +20,23 @@ inline constexpr char kStdinName[] = "standard input";
 // The most bytes that one file in a pipe may have.
 uint64_t most_piped_bytes(const ImageLimits& limits);
 
-// Appends the next bytes of a file to those that have come. False if the stream ends within them.
-// RESOURCE_EXHAUSTED, with `name`, if the file would have more than a file in a pipe may have.
+// Reads the next `count` bytes of a file and appends them to `bytes`. False if the stream ends before.
+// RESOURCE_EXHAUSTED if the file would become larger than most_piped_bytes(). `name` names the file in the
+// error.
 absl::StatusOr<bool> take_piped(ByteSource& source, const std::string& name, const ImageLimits& limits,
                                 uint64_t count, std::string& bytes);
 
 // Reads PFM, PHM, PNG and OpenEXR files of one part, and the frames of y4m. These say themselves how long
-// they are, so nothing has to be between them. Each is taken whole, and then read as a file is. Used by one
-// thread, but for stop().
+// they are, so nothing has to be between them. Each is read into memory whole, and then decoded as a file is.
+// Used by one thread, but for stop().
 class ImageStream {
  public:
   // `descriptor` is read until its end, and stays open. `name` names it in messages.
   ImageStream(int descriptor, std::string name, const ImageLimits& limits, PictureChoice choice)
       : source_(descriptor), name_(std::move(name)), limits_(limits), choice_(std::move(choice)) {}
 
-  // The next image, or why it is none; nothing at the end. After an image of which it is not known where it
-  // ends, there is nothing more, and lost() says why.
+  // The next image, or why it cannot be read; nothing at the end of the stream. If it is not known where an
+  // image ends, it is the last one, and lost() says why.
   std::optional<absl::StatusOr<Image>> next();
 
   // Why the rest of the stream cannot be read.
@@ -48,12 +49,12 @@ class ImageStream {
   void stop() { source_.stop(); }
 
  private:
-  // Takes all bytes of a file of which the first have come. OK, too, if the stream ends within it.
+  // Reads the rest of a file, whose first bytes are in `bytes`. Also OK if the stream ends within the file.
   absl::Status take_file(std::string& bytes);
   absl::Status take_pfm(std::string& bytes);
-  // After the first four bytes of a y4m, takes its header and the first four of a frame.
+  // After the first four bytes of a y4m: reads its header, and the first four bytes of a frame.
   absl::Status begin_y4m(std::string& bytes);
-  // After the first four bytes of a y4m's frame, takes its planes in their place.
+  // After the first four bytes of a y4m's frame: reads its planes, which replace them in `bytes`.
   absl::Status take_planes(std::string& bytes);
   absl::StatusOr<Image> picture_of(std::string bytes) const;
 
@@ -63,7 +64,7 @@ class ImageStream {
   const PictureChoice choice_;
   uint64_t count_ = 0;  // images so far
   std::optional<Y4mFrames> y4m_;
-  bool has_planes_ = false;  // what was taken last is a frame of y4m_
+  bool has_planes_ = false;  // the bytes that were read last are a frame of y4m_
   absl::Status lost_;
 };
 

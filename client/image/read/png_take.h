@@ -9,9 +9,9 @@
 
 namespace candela {
 
-// Appends the rest of a file of which the first four bytes are in `bytes`: its chunks up to IEND. OK, too, if
-// the stream ends within it. Fails, with `name`, if it does not say how long it is, or if a limit does not
-// let it be taken.
+// Reads the rest of a file, whose first four bytes are in `bytes`, and appends it: the chunks up to IEND.
+// Also OK if the stream ends within the file. Fails if the file does not say how long it is, or is larger
+// than a limit. `name` names the file in the error.
 absl::Status take_png(ByteSource& source, const std::string& name, const ImageLimits& limits,
                       std::string& bytes);
 

@@ -40,10 +40,10 @@ class ShotExposures {
   // The frame of that state.
   std::optional<int64_t> after() const;
 
-  // True if the exposures are saved. Then the session returns its states.
   // Makes the folder of the file to save, and fails if it cannot be written. Call it after the outputs are
   // checked.
   absl::Status prepare_save() const;
+  // True if the exposures are saved. Then the session returns its states.
   bool saved() const { return !options_.save_exposures.empty(); }
   // Writes the file. `state` is the session's after the last of `frames`, of which there is at least one.
   absl::Status save(const Sequence& sequence, FrameRate rate, const std::vector<ExposedFrame>& frames,

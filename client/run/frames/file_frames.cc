@@ -43,9 +43,9 @@ void FileFrames::decide_rate(const FrameReader::Read* first) {
     break;
   }
   if (of_file && !is_usable(*of_file)) {
-    rate_notes_.push_back(absl::StrFormat(
-        "%s: its frame rate is %d/%d, which is no usable rate, and is ignored; --fps sets the rate",
-        path, of_file->frames, of_file->seconds));
+    rate_notes_.push_back(
+        absl::StrFormat("%s: its frame rate %d/%d cannot be used, so it is ignored; --fps sets the rate",
+                        path, of_file->frames, of_file->seconds));
     of_file.reset();
   }
   rate_ = choose_rate(options_.rate, of_file);

@@ -21,14 +21,15 @@
 
 namespace candela {
 
-// Gives `settings` what may differ from frame to frame in `own`: the alpha, the input's primaries, exposure
-// and bloom, which PQ and HLG frames have of their own, and the image's size. False if it had them.
+// Copies from `own` to `settings` what may differ from frame to frame: the alpha, the input's primaries,
+// exposure and bloom, which PQ and HLG frames have of their own, and the image's size. False if `settings`
+// had the same already.
 bool take_input_of(const v1::Settings& own, v1::Settings& settings);
 
 // Takes and submits the frames on its own thread. Other members may be called meanwhile.
 class FrameFeeder {
  public:
-  // The source must outlive the feeder. `skip_bad`: a frame that the source does not have does not end it.
+  // The source must outlive the feeder. `skip_bad`: a frame that the source cannot read does not end the run.
   FrameFeeder(FrameSource& source, bool skip_bad) : source_(source), skip_bad_(skip_bad) {}
   ~FrameFeeder() { join(); }
 
@@ -47,7 +48,7 @@ class FrameFeeder {
 
   // The facts of the submitted frame with this sequence number. Call it once per frame.
   FrameFacts take_facts(uint64_t sequence);
-  // The frames with smaller sequence numbers that there are not, in order, and why. Each once.
+  // The frames before this sequence number that could not be read, in order, and why. Returns each once.
   std::vector<std::pair<FrameFacts, absl::Status>> take_skipped(uint64_t sequence);
   std::set<std::string> take_notes();
 

@@ -14,12 +14,13 @@
 
 namespace candela {
 
-// ffmpeg writes into a file beside the film's, as AtomicFile does, and gets it as a descriptor: it makes no
-// name that could stay. One at a time in a process; used by one thread.
+// ffmpeg writes into a temporary file beside the film's, as AtomicFile does. It gets the file as a descriptor
+// and not by name, so that it cannot make the file again after a signal has removed it. One at a time in a
+// process; used by one thread.
 class FilmFile {
  public:
-  // Starts ffmpeg from the PATH with `command`, in which the file's name is kOutput. Fails if it is not installed, or as
-  // AtomicFile::create().
+  // Starts ffmpeg from the PATH with `command`, in which the file's name is kOutput. Fails if it is not
+  // installed, or as AtomicFile::create().
   static absl::StatusOr<std::unique_ptr<FilmFile>> open(const std::string& path,
                                                         const std::vector<std::string>& command);
   ~FilmFile();  // without finish(): ends ffmpeg, and there is no film
@@ -42,7 +43,8 @@ class FilmFile {
   FilmFile(AtomicFile file, pid_t encoder, int frames, int words)
       : file_(std::move(file)), encoder_(encoder), frames_(frames), words_(words) {}
 
-  // Waits until ffmpeg takes frames or speaks, keeps what it says, and returns whether it takes frames.
+  // Waits until ffmpeg can read frames or has written messages. Adds its messages to said_. Returns whether
+  // it can read frames.
   bool takes_frames();
   absl::Status wait_for_encoder();
   absl::Status failure(int ended) const;

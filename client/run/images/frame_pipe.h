@@ -27,7 +27,7 @@ class FramePipe : public FrameSink {
   // Returns when the frame is written. Fails if nobody reads any more; of standard output summary.reader_left
   // is set then. A film's frames must have the size of the first.
   absl::Status image(RunFrame frame, RenderResult image) override;
-  // A frame that is not held is left out.
+  // Writes the last image again if the frame is held; leaves out any other frame.
   absl::Status none(RunFrame frame) override;
   absl::Status finish() override { return absl::OkStatus(); }
 

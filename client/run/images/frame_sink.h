@@ -1,4 +1,4 @@
-// What takes the images of a run.
+// Where the images of a run go.
 #pragma once
 
 #include "absl/status/status.h"
@@ -12,11 +12,11 @@ class FrameSink {
  public:
   virtual ~FrameSink() = default;
 
-  // The frame's image. If it cannot be kept, this call or a later one fails.
+  // The frame's image. If it cannot be written, this call or a later one fails.
   virtual absl::Status image(RunFrame frame, RenderResult image) = 0;
 
-  // The frame has no image of its own. If it is held, it gets the same bytes as the image before it, which
-  // there must be. Otherwise frame.status says why there is none.
+  // The frame has no image of its own. If frame.held is set, the image before it, which must exist, is
+  // repeated with the same bytes. Otherwise frame.status says why there is none.
   virtual absl::Status none(RunFrame frame) = 0;
 
   // Waits until all images are where they belong.

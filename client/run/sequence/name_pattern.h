@@ -18,7 +18,8 @@ struct NamePattern {
   std::string path(int64_t number) const;  // frame.0012.exr
   std::string text() const;                // frame.%04d.exr
 
-  // Whether a number below 0 is one for those who read its name, see begins_number().
+  // Whether a file that has a number below 0 in its name is read back with that number: its minus must be a
+  // sign, see begins_number().
   bool keeps_sign() const;
 };
 

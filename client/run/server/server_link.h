@@ -1,5 +1,5 @@
-// The server that a command uses: a running one, or the built-in one, which starts in this process. What its
-// calls fail with has its kind (client/base/failure.h).
+// The server that a command uses: a running one, or the built-in one, which starts in this process. Errors of
+// its calls have a kind (client/base/failure.h).
 #pragma once
 
 #include <atomic>
@@ -67,7 +67,7 @@ class ServerLink {
   // Tells the user once that the command waits for `server`.
   void tell_of_wait(const std::string& server, const absl::Status& why) const;
 
-  // open_session() with the failure as the session has it.
+  // As open_session(), but the error is the session's own.
   absl::StatusOr<Session> open_one(const SessionOptions& session);
 
   // The addresses of the running servers to use.
@@ -75,7 +75,7 @@ class ServerLink {
 
   const ServerChoice choice_;
   RunEvents& events_;
-  mutable std::atomic<bool> told_ = false;  // of a wait
+  mutable std::atomic<bool> told_ = false;  // the user was told of a wait
   std::future<Started> starting_;
   std::unique_ptr<EmbeddedServer> server_;
   std::vector<Connection> connections_;  // to the first server, then to the others of the choice

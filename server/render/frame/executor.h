@@ -30,8 +30,8 @@ class Executor {
 
   // Phase A: meters the wire pixels in `memory`.
   absl::StatusOr<Metered> meter(FrameMemory& memory, const IngestPlan& plan);
-  // Phase B: makes the finished image, and the unquantised one if the memory was taken for verification. Adds
-  // its times to *stages. A frame may be drawn again, by another plan.
+  // Phase B: makes the finished image, and the unquantised one if the memory was allocated for verification.
+  // Adds its times to *stages. A frame may be drawn again, by another plan.
   absl::StatusOr<Drawn> draw(FrameMemory& memory, const Plan& plan, std::vector<StageTime>* stages);
 
  private:

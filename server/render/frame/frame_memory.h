@@ -20,15 +20,15 @@ struct FrameTextures;
 // Whether a frame is compared with the float64 reference, and whether a map of its error is kept.
 enum class Verify { kNo, kYes, kWithMap };
 
-// The account that a frame's memory is on. Destroyed with the memory. Any thread.
+// Counts a frame's memory for the client that the frame belongs to. Destroyed with the memory. Any thread.
 class MemoryClaim {
  public:
   virtual ~MemoryClaim() = default;
-  // The frame keeps only `bytes`.
+  // From now on the frame has only `bytes`.
   virtual void shrink(uint64_t bytes) = 0;
 };
 
-// Memory of the client's that stands in for bands. It may change at any time.
+// Memory that a client shares, in place of bands. The client may write into it at any time.
 struct ClientPixels {
   std::shared_ptr<const void> owner;  // keeps it mapped
   const std::byte* rows = nullptr;    // the wire's first row; null: the pixels come in bands
@@ -42,7 +42,7 @@ class FrameMemory {
   // Takes everything or nothing; fails as FrameMaker::allocate does. `pool` outlives the memory.
   static absl::StatusOr<FrameMemory> take(TexturePool& pool, const DeviceSummary& device,
                                           const TextureLayout& layout, Verify verify);
-  // The part of the budget that take() takes. RESOURCE_EXHAUSTED if that can never be had.
+  // The part of the budget that take() takes. RESOURCE_EXHAUSTED if the whole budget is less.
   static absl::StatusOr<uint64_t> bytes_for(const TexturePool& pool, const DeviceSummary& device,
                                             const TextureLayout& layout, Verify verify);
 
@@ -73,13 +73,13 @@ class FrameMemory {
   // Gives everything but the finished image and its error map back to the pool, so that a slow reader holds
   // only what it still has to read.
   void keep_output_only();
-  // After keep_output_only(): a file of `bytes` was made of the image. Gives the image back to the pool; the
-  // account carries the file instead.
+  // After keep_output_only(): a file of `bytes` was made of the image. Gives the image's memory back to the
+  // pool. The claim then counts the file.
   void replace_output(uint64_t bytes);
-  // Before the frame is metered, which then copies the rows; keep_output_only() leaves the image in the
-  // client's memory and none here. Each row is read once.
+  // Call this before the frame is metered. Metering then copies the rows from the client's memory and reads
+  // each row once. The image goes to the client's memory, and keep_output_only() leaves none here.
   void share(ClientPixels pixels);
-  // Puts the memory on an account, once.
+  // The claim that counts the memory from now on. Call this once.
   void account(std::unique_ptr<MemoryClaim> claim);
 
   // The rest is for server/render and its tests.

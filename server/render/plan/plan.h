@@ -109,7 +109,7 @@ struct Plan {
   std::optional<ResizeStep> resize;    // absent: the image has the frame's size
   ResolveStep resolve;
   std::shared_ptr<const ColorTable> table;  // of the curves that have one
-  std::shared_ptr<const GainCurve> gain;    // if alpha holds a gain map
+  std::shared_ptr<const GainCurve> gain;    // if the fourth component is a gain map's code
   ReferencePlan reference;
   std::vector<Box> lit;            // texels of the frame that may pass the bright pass; no others do
   std::vector<std::string> words;  // the plan for people, with the reasons

@@ -11,7 +11,7 @@
 
 namespace candela {
 
-// No component of an image is farther from any other.
+// The bound of a frame that has none: no two values of a component differ by more.
 inline constexpr double kNoBound = 255.0;
 
 // What a bound depends on besides the settings.

@@ -6,7 +6,7 @@
 
 namespace candela {
 
-// INVALID_ARGUMENT names what does not go together, and what does. Of complete settings.
+// Checks complete settings. INVALID_ARGUMENT names what does not go together, and what does.
 absl::Status check_hdr_display(const v1::Settings& settings);
 
 // The gamut that aces-2 keeps to on an HDR display.

@@ -24,7 +24,7 @@ class BandReader {
   // Returns where a row goes: layout.desc.row_bytes() bytes.
   using Row = absl::FunctionRef<std::span<std::byte>(uint32_t y)>;
 
-  // Is told how long a band took to decompress.
+  // Called with the time that a band took to decompress.
   using Charge = std::function<void(absl::Duration)>;
 
   // `layout` is the frame's, from wire_layout_from(). `clock` outlives the reader.
@@ -35,7 +35,7 @@ class BandReader {
   // INVALID_ARGUMENT if the band does not hold whole rows, does not begin where the last one ended, exceeds
   // the frame or is damaged. Takes no memory for rows that the frame does not have.
   absl::Status read(grpc::ByteBuffer& message, Row row);
-  // Takes a band in the same way, but keeps nothing of its rows and does not decompress them.
+  // Checks a band in the same way, but drops its rows and does not decompress them.
   absl::Status pass(grpc::ByteBuffer& message);
 
   bool complete() const { return rows_ == layout_.desc.height; }

@@ -27,7 +27,7 @@ class EnvironmentRoom {
   ~EnvironmentRoom();
 
   uint64_t bytes() const { return bytes_; }
-  // Adds the other's to it.
+  // Adds the bytes of the other one to this one.
   void add(EnvironmentRoom other);
 
  private:
@@ -63,7 +63,7 @@ class EnvironmentStore {
   // now.
   absl::StatusOr<EnvironmentRoom> make_room(uint64_t bytes);
 
-  // Keeps the environment. If another one of the same id came first, returns that one.
+  // Adds the environment to the store. If one with the same id is there already, returns that one.
   EnvironmentUse keep(EnvironmentUse environment);
 
   // The environment with this id on the device of `renderer`; it counts as used now. INVALID_ARGUMENT, naming

@@ -18,11 +18,13 @@ class CallGate {
   // `what` names the calls in messages, in the plural.
   CallGate(std::string what, uint32_t max_calls) : what_(std::move(what)), max_calls_(max_calls) {}
 
-  // On OK the call has a place and must give it up, then leave. UNAVAILABLE if the gate is full or closed.
+  // On OK the call has a place. It must call give_up_place(), and then leave(). UNAVAILABLE if the gate is
+  // full or closed.
   absl::Status enter();
-  // The call's end is decided. Its client, once told, can enter again at once.
+  // Call it when the call's end is decided, before the client hears of it: so the client can enter again at
+  // once.
   void give_up_place();
-  // The client was told, or never will be.
+  // Call it when the client has got the end of the call, or never will.
   void leave();
 
   // From now on enter() fails.

@@ -41,9 +41,9 @@ class MemoryPressure {
   std::map<ClientId, Wanted> in_share_ ABSL_GUARDED_BY(mutex_);
 };
 
-// Budgets, which count bytes and hold none: frames and the regions that clients share, what sessions are
-// promised for their look-ahead, and the colour tables of changes of settings. Any thread. What it hands out
-// keeps it alive.
+// Budgets: they count bytes, and allocate none. There is one for frames and the regions that clients share,
+// one for the look-ahead that sessions are promised, and one for the colour tables in changes of settings.
+// Any thread. What it hands out keeps it alive.
 class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
  public:
   // An upload that brings nothing for this long loses its memory if another frame could use it.
@@ -75,8 +75,8 @@ class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
   // waits. RESOURCE_EXHAUSTED if it is larger, UNAVAILABLE if there is no room for it now.
   absl::StatusOr<std::shared_ptr<const void>> claim_region(ClientId client, uint64_t bytes);
 
-  // UNAVAILABLE if an upload of `client` has to give its `bytes` to a frame that waits. The upload began
-  // `taken` ago and has brought nothing for `silent`.
+  // UNAVAILABLE if an upload of `client` has to give its `bytes` to a frame that waits. `taken` is the time
+  // since the upload began, and `silent` the time since its last band.
   absl::Status check_upload(ClientId client, uint64_t bytes, absl::Duration taken, absl::Duration silent,
                             absl::Time now) const;
 

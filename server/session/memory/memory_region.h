@@ -54,7 +54,7 @@ class MemoryRegions {
  public:
   // Returns the region's ticket. INTERNAL if the system has no random bytes.
   absl::StatusOr<std::string> add(std::shared_ptr<MemoryRegion> region);
-  // The client has gone. Whoever holds the region keeps it.
+  // The client has disconnected. The region stays mapped until no frame uses it.
   void remove(const std::string& ticket);
   // UNAVAILABLE if there is none.
   absl::StatusOr<std::shared_ptr<MemoryRegion>> find(const std::string& ticket) const;

@@ -10,9 +10,10 @@
 
 namespace candela {
 
-// Appends the rest of a file of one part, of which the first four bytes are in `bytes`. It is as long as its
-// header and its chunks say, in whichever order they come. OK, too, if the stream ends within it. Fails, with
-// `name`, if it does not say how long it is, or if a limit does not let it be taken.
+// Reads the rest of a file of one part, whose first four bytes are in `bytes`, and appends it. The file's
+// header and chunks say where it ends; chunks may come in any order. Also OK if the stream ends within the
+// file. Fails if the file does not say how long it is, or is larger than a limit. `name` names the file in
+// the error.
 absl::Status take_exr(ByteSource& source, const std::string& name, const ImageLimits& limits,
                       std::string& bytes);
 

@@ -17,8 +17,8 @@ struct FoundGainMap {
 };
 
 // Looks for the map by MPF, then by Google's Container directory. Its metadata is ISO 21496-1, or else
-// Adobe's XMP. `segments` are those of `file`. Adds to `notes` if the file speaks of a map that it does not
-// place. INVALID_ARGUMENT, with a message that begins with no name, if the place is not in the file, or the
+// Adobe's XMP. `segments` are those of `file`. Adds a note if the file mentions a map and does not say where
+// it is. INVALID_ARGUMENT, whose message does not name the file, if the place is not in the file, or the
 // metadata is damaged, or makes an SDR picture of an HDR one.
 absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSegments& segments,
                                            std::vector<std::string>& notes);

@@ -24,7 +24,7 @@ struct ResolveJob {
   std::byte* output = nullptr;
 };
 
-// What a band of a `wide` frame held; see shader::TileRecord.
+// What resolve counted in a band of rows of a `wide` frame; see shader::TileRecord.
 struct ResolveFound {
   uint64_t gamut_cut_components = 0;
   uint32_t negative_light_bits = 0;
