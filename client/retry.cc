@@ -42,6 +42,7 @@ absl::Status retry_by(Clock& clock, absl::FunctionRef<bool(absl::Duration)> wait
     const absl::Status status = attempt(server);
     if (!absl::IsUnavailable(status)) return status;
     const std::optional<absl::Duration> delay = retry_after(status);
+    // The limit counts from the first refusal: while no server can be reached, there is nothing to wait for.
     if (delay && refusal.ok()) until = std::min(clock.now() + options.limit, options.deadline);
     if (delay) refusal = status;
     schedule.failed(clock.now(), delay.value_or(absl::ZeroDuration()));

@@ -54,6 +54,7 @@ void SessionDriver::next_call() {
   const SessionState::Need need = state_.need(idle);
   if (need == SessionState::Need::kNotYet) return;
   if (need == SessionState::Need::kOver) return end(absl::OkStatus());
+  // There is something to send again, but the pause after the loss is not over.
   const bool too_early = idle && state_.was_open() && clock_.now() < schedule_.when();
   if (too_early && !state_.cancelled()) return pause_after_loss();
   server_ = schedule_.next();
@@ -70,6 +71,8 @@ void SessionDriver::end_call() {
   last_ = stream_->end();
   stream_.reset();
   asked_ |= last_.asked;
+  // The call brought results, so a server that now lacks a panorama has dropped it since, and may get it
+  // again.
   if (last_.progress) put_.clear();
   if (absl::IsNotFound(last_.status)) {
     unput_ = state_.panoramas();
@@ -126,6 +129,7 @@ void SessionDriver::pause_after_loss() {
 // The last server has not opened the session. Fails if none of them can be reached, or if those that can
 // still refuse it after the limit.
 void SessionDriver::pause_before_open() {
+  // A server that refuses may take the session later. One that cannot be reached is not waited for.
   if (last_.reached) {
     if (refusal_.ok()) open_by_ = clock_.now() + options_.resume_limit;
     refusal_ = last_.status;

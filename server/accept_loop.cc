@@ -33,6 +33,7 @@ void OpenConnections::add(int descriptor, std::string client) {
   struct stat about {};
   if (fstat(descriptor, &about) != 0) return;
   const absl::MutexLock lock(&mutex_);
+  // Doubling the limit keeps this cheap: a constant time for each connection on average.
   if (known_.size() >= look_at_) {
     forget_closed();
     look_at_ = std::max(look_at_, 2 * known_.size());
@@ -63,6 +64,7 @@ std::set<std::string> OpenConnections::clients() {
 void OpenConnections::forget_closed() {
   std::erase_if(known_, [](const Known& known) {
     struct stat about {};
+    // Its number may have been used again, so the inode has to be the same.
     return fstat(known.descriptor, &about) != 0 || about.st_ino != known.inode || !S_ISSOCK(about.st_mode);
   });
 }
@@ -121,6 +123,7 @@ bool AcceptLoop::accept_one(const Door& door) {
 }
 
 void AcceptLoop::accept_without_descriptor(const Door& door) {
+  // Without this the connection would stay in the kernel's queue, and poll() would return at once for ever.
   if (spare_ >= 0) {
     close(std::exchange(spare_, -1));
     const int descriptor = accept4(door.socket.descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
@@ -144,6 +147,7 @@ void AcceptLoop::refuse(int descriptor, ConnectionRefusal reason) {
 }
 
 bool AcceptLoop::is_full() {
+  // count() looks at every connection, so only if the estimate reaches the limit.
   if (at_most_ >= max_connections_) at_most_ = connections_.count();
   return at_most_ >= max_connections_;
 }

@@ -50,6 +50,7 @@ DeviceKeeper::DeviceKeeper(std::shared_ptr<RenderDevice> first, Open open, Metri
     : open_(std::move(open)), metrics_(metrics), events_(std::move(events)), current_(std::move(first)) {}
 
 DeviceKeeper::~DeviceKeeper() {
+  // A device that hangs may still write into its memory, so nothing of it may be freed.
   if (!current()->device->hung()) return;
   // Reachable, so that tools do not call it a leak.
   static auto* const kept = new std::vector<std::shared_ptr<RenderDevice>>;
@@ -88,12 +89,14 @@ void DeviceKeeper::replace(const RenderDevice& lost) {
   log_event(LogLevel::kWarning, "device lost",
             {{"device", name}, {"rebuild", static_cast<int64_t>(rebuilds_)}});
   absl::StatusOr<std::shared_ptr<RenderDevice>> opened = open_();
+  // Sessions go on with the same bits and limits only on the same kind of device.
   if (opened.ok() && (*opened)->device->summary().name != name) {
     opened = absl::UnavailableError("a different device, with other limits, was opened in its place: " +
                                     (*opened)->device->summary().name);
   } else if (opened.ok() && (*opened)->bits != lost.bits) {
     opened = absl::UnavailableError("the device that was opened in its place renders other bits");
   }
+  // The lost device stays current. Its next frame fails and comes here again, until kMaxRebuilds.
   if (!opened.ok()) {
     log_event(LogLevel::kError, "cannot reopen the device",
               {{"message", std::string(opened.status().message())}});

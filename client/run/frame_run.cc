@@ -97,7 +97,7 @@ class FrameRun {
     view.verify = options_.verify.verify;
     view.error_map = !options_.verify.error_map.empty();
     // The picture will need the memory. What came through a pipe cannot be read again.
-    if (only_ && !verifies_view() && !is_piped() && !options_.hdr)
+    if (only_ && !verifies_view() && !is_piped() && !options_.gain_map_target)
       view.on_sent = [&frame] { frame.pixels = {}; };
     v1::Settings settings = settings_for(frame, options_.settings);
     if (options_.previous.exposure() == 0) show_display_light(frame, settings);
@@ -110,7 +110,7 @@ class FrameRun {
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
     Image hdr;
     const absl::Time hdr_begin = absl::Now();
-    if (options_.hdr) {
+    if (options_.gain_map_target) {
       view.exposure = result->header.exposure();
       view.previous.reset();
       ASSIGN_OR_RETURN(hdr, render_hdr(settings, frame, view, begin + kRenderTimeout));
@@ -131,9 +131,9 @@ class FrameRun {
     }
     add_stages(call_ms, result->header);
     Image picture = picture_of(*std::move(result), alpha, aspect);
-    if (options_.hdr) {
-      ASSIGN_OR_RETURN(GainMapCodes map,
-                       gain_map_between(picture, hdr, options_.hdr->curve, options_.hdr->peak_nits));
+    if (options_.gain_map_target) {
+      ASSIGN_OR_RETURN(GainMapCodes map, gain_map_between(picture, hdr, options_.gain_map_target->curve,
+                                                          options_.gain_map_target->peak_nits));
       picture_.set_gain_map(std::move(map));
       picture_.add_stage("hdr", ms_since(hdr_begin));
     }
@@ -146,7 +146,8 @@ class FrameRun {
   absl::StatusOr<Image> render_hdr(const v1::Settings& sdr, Image& frame, FrameView view,
                                    absl::Time deadline) {
     view.verify = view.error_map = false;
-    const v1::Settings settings = hdr_settings(sdr, options_.hdr->curve, options_.hdr->peak_nits);
+    const v1::Settings settings =
+        hdr_settings(sdr, options_.gain_map_target->curve, options_.gain_map_target->peak_nits);
     absl::StatusOr<RenderResult> result = call(settings, frame, view, deadline);
     if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
     return picture_of(*std::move(result), false, 1);
@@ -210,8 +211,8 @@ class FrameRun {
 
 }  // namespace
 
-absl::StatusOr<RenderReport> render_file(const RenderOptions& options, const RenderJob& job, bool only,
-                                         Run& run, RunEvents& events) {
+absl::StatusOr<RenderReport> run_frame(const RenderOptions& options, const RenderJob& job, bool only,
+                                       Run& run, RunEvents& events) {
   return FrameRun(options, job, only, run, events).run();
 }
 

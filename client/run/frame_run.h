@@ -20,9 +20,9 @@ struct RenderJob {
   std::function<void(Image)> take = nullptr;  // gets the image in place of a file
 };
 
-// Several threads may call it with one `run`. `only` says that no other image follows: the server is stopped
-// before the image is written.
-absl::StatusOr<RenderReport> render_file(const RenderOptions& options, const RenderJob& job, bool only,
-                                         Run& run, RunEvents& events);
+// Reads the input, has the server render it, and writes the output. Several threads may call it with one
+// `run`. `only` says that no other image follows: the server is stopped before the image is written.
+absl::StatusOr<RenderReport> run_frame(const RenderOptions& options, const RenderJob& job, bool only,
+                                       Run& run, RunEvents& events);
 
 }  // namespace candela

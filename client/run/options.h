@@ -100,8 +100,9 @@ struct RenderOptions : RunOptions {
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none
   VerifyChoice verify;
-  std::optional<HdrPicture>
-      hdr;  // of a gain map of three channels; then `settings` has no gain_map_peak_nits
+  // The HDR picture that the output's gain map leads to, if it has three channels. Then `settings` has no
+  // gain_map_peak_nits, because the client makes this map.
+  std::optional<HdrPicture> gain_map_target;
   bool verbose = false;
 };
 

@@ -43,6 +43,7 @@ absl::StatusOr<Ticket> FrameQueue::push(FrameJob job) {
         absl::StrFormat("the queue is full with %d waiting frames; try again soon", waiting_));
   }
   Share& share = shares_.try_emplace(job.flow, Share{clock_}).first->second;
+  // A flow that paused must not catch up on the time that it did not use.
   if (share.jobs.empty()) share.used = std::max(share.used, clock_);
   job.ticket = next_ticket_;
   share.jobs.push_back(std::move(job));
@@ -56,11 +57,14 @@ std::optional<FrameJob> FrameQueue::pop() {
   absl::Duration least = absl::InfiniteDuration();
   for (auto share = shares_.begin(); share != shares_.end();) {
     const Share& candidate = share->second;
+    // A new flow begins at clock_, so this one gains nothing by being forgotten.
     if (candidate.jobs.empty() && candidate.used <= clock_) {
       share = shares_.erase(share);
       continue;
     }
     const auto before = [](const Share& a, const Share& b) {
+      // The ends of the jobs count: of two flows that have used the same, the one with the shorter job is
+      // next.
       const absl::Duration a_end = a.used + a.last, b_end = b.used + b.last;
       return a_end != b_end ? a_end < b_end : a.jobs.front().ticket < b.jobs.front().ticket;
     };
@@ -93,6 +97,7 @@ void FrameQueue::charge(Flow flow, absl::Duration time) {
 void FrameQueue::charge_elsewhere(Flow flow, absl::Duration time) {
   time = std::max(time, absl::ZeroDuration());  // a machine's clock may be set back
   shares_.try_emplace(flow, Share{clock_}).first->second.used += time;
+  // A flow that always has jobs waiting gets this part of the time, and the clock is its account.
   const auto competing = std::count_if(shares_.begin(), shares_.end(), [flow](const auto& entry) {
     return entry.first == flow || !entry.second.jobs.empty();
   });

@@ -83,6 +83,7 @@ void ExposureTrack::failed(uint64_t sequence) { unmetered(sequence).failed = tru
 bool ExposureTrack::begins_scene(size_t index) const {
   if (frames_[index].cut) return true;
   if (cut_threshold_ev_ == 0.0 || !frames_[index].has_mean()) return false;
+  // A failed or unmetered frame between two scenes must not hide the cut: compare with the last picture.
   std::optional<ScenePrint> before = point_.print;
   uint64_t last = point_.sequence;
   bool any = point_.begun;
@@ -118,12 +119,14 @@ std::optional<double> ExposureTrack::mean_of_first() const {
     last = frame.sequence;
     ++later;
   }
+  // What counts must not depend on when frames arrive, so wait for all of the look-ahead.
   if (later <= lookahead_ && !ended_) return std::nullopt;
   return sum / weights;
 }
 
 std::optional<double> ExposureTrack::deciding_mean() const {
   const Waiting& frame = frames_.front();
+  // Later frames cannot change an exposure that is given, so nothing waits for them.
   if (frame.given) return frame.stats->metered_mean();
   return frame.has_mean() ? mean_of_first() : std::nullopt;
 }
@@ -133,9 +136,9 @@ std::optional<double> ExposureTrack::deciding_mean() const {
 double ExposureTrack::before_limits_again(const Waiting& frame) const {
   const Exposed& exposed = point_.exposed;
   if (exposed.target_before_limits != 0) return exposed.target_before_limits;
-  const bool held =
+  const bool limited =
       exposed.target == frame.settings.min_exposure() || exposed.target == frame.settings.max_exposure();
-  if (!held) return exposed.target;
+  if (!limited) return exposed.target;
   return target_before_limits(frame.settings, frame.stats->metered_mean().value_or(kNothingMetered));
 }
 

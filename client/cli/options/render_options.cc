@@ -139,8 +139,8 @@ absl::Status set_files(RenderArguments& arguments) {
 
 constexpr std::array kHdrCurves = {"match", "bt2390", "aces-2"};
 
-// With bt2390 and aces-2 moves the peak from the settings to `options.hdr`: the client makes the map, not the
-// server.
+// With bt2390 and aces-2 moves the peak from the settings to `options.gain_map_target`: the client makes the
+// map, not the server.
 absl::Status choose_hdr_picture(const std::string& word, RenderOptions& options) {
   if (word.empty()) return absl::OkStatus();
   if (!absl::c_linear_search(kHdrCurves, word)) {
@@ -163,7 +163,7 @@ absl::Status choose_hdr_picture(const std::string& word, RenderOptions& options)
         absl::StrFormat("--%s: a gain map is beside an image in srgb whose alpha is not straight",
                         srgb ? "alpha straight" : "transfer " + v1::word_of(settings.transfer())));
   }
-  HdrPicture& hdr = options.hdr.emplace();
+  HdrPicture& hdr = options.gain_map_target.emplace();
   hdr.curve = word == "bt2390" ? v1::TONE_CURVE_BT2390 : v1::TONE_CURVE_ACES_2;
   hdr.peak_nits = settings.gain_map_peak_nits();
   settings.clear_gain_map_peak_nits();

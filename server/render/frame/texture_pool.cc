@@ -35,7 +35,7 @@ TexturePool::~TexturePool() {
 
 absl::StatusOr<TexturePool::Lease> TexturePool::take(const TextureKey& key, uint64_t own_bytes) {
   const uint64_t bytes = key.bytes();
-  std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock
+  std::vector<std::unique_ptr<Entry>> given_up;  // freed outside the lock, because a driver may take long
   {
     const absl::MutexLock lock(&mutex_);
     // The most recent first: its pages are most likely to be warm.

@@ -66,6 +66,7 @@ BloomStep step_of(Pass pass, uint32_t level, const TextureLayout& layout, std::s
   const LevelSize& size = layout.level_sizes[level];
   Cover work = cover(lit_after(pass, level, layout, lit), width, height, groups(size.width, width),
                      groups(size.height, height));
+  // What it leaves out keeps what it holds already: the light of its own level, or zeros.
   const bool in_place = pass == Pass::kBloomUp || (pass == Pass::kGaussian && level == 0);
   BloomStep step;
   step.pass = pass;
@@ -187,6 +188,7 @@ float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats) {
 bool may_bloom(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc, double mean_error) {
   if (bloom.intensity() == 0) return false;
   float threshold = bright_threshold(bloom, stats);
+  // Its threshold is a multiple of the mean, and falls with it.
   if (bloom.kind() == v1::Bloom::KIND_GAUSSIAN) threshold *= static_cast<float>(portable_exp2(-mean_error));
   return !bright_area(bloom, stats, desc, threshold).empty();
 }

@@ -72,7 +72,7 @@ absl::Status run_contact(const ContactOptions& options, JsonOutput& json) {
   }
   const auto render = [&](const RenderJob& job) {
     RunEvents silent;
-    absl::StatusOr<RenderReport> report = render_file(options, job, /*only=*/false, run, silent);
+    absl::StatusOr<RenderReport> report = run_frame(options, job, /*only=*/false, run, silent);
     if (report.ok()) pictures[&job - jobs.data()].words = words_below(job.input, *report);
     return report;
   };

@@ -47,7 +47,7 @@ absl::Status prepare_outputs(const RenderOptions& options, const std::vector<Ren
 
 absl::Status render_one(const RenderOptions& options, const RenderJob& job, Run& run, RunEvents& events,
                         JsonOutput& json, Progress& progress) {
-  const absl::StatusOr<RenderReport> report = render_file(options, job, /*only=*/true, run, events);
+  const absl::StatusOr<RenderReport> report = run_frame(options, job, /*only=*/true, run, events);
   progress.clear();
   if (!report.ok()) return about_input(report.status(), job.input);
   return tell(*report, options.quiet, options.verbose, json);
@@ -57,7 +57,7 @@ absl::Status render_folder(const RenderOptions& options, const std::vector<Rende
                            JsonOutput& json, Progress& progress) {
   const auto render = [&](const RenderJob& job) {
     RunEvents silent;
-    return render_file(options, job, /*only=*/false, run, silent);
+    return run_frame(options, job, /*only=*/false, run, silent);
   };
   return render_batch(
       options, jobs, render, [&run] { return run.failure(); }, json, progress);

@@ -71,13 +71,14 @@ Drawn run(const ResolveStep& step, const Tables& tables, const FrameTextures& te
   }
   if (tables.gain != nullptr) {
     job.gain = tables.gain->data()->data();
-    job.opaque = false;  // alpha is the map's code
+    job.opaque = false;  // the map's codes are written where alpha would be
   }
   Drawn drawn;
   if (!step.bloom_groups.empty()) {
     job.level = level_planes(textures, 0);
     run_groups(job, step.bloom_groups, crew, &drawn);
   }
+  // Bloom is exactly 0 there, so the shorter loop gives the same bits.
   job.constants.bloom = shader::BLOOM_NONE;
   run_groups(job, step.plain_groups, crew, &drawn);
   drawn.shown.mean /= double{1} * job.params.frame.width * job.params.frame.height;
