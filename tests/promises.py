@@ -53,10 +53,10 @@ def page(rows: dict, figures: dict) -> str:
     for title, promises in sections(rows).items():
         parts += [f"## {title}"] + [text.strip() for text in [rows.get("text", {}).get(title)] if text]
         measured = any("figure" in row for row in promises)
-        table = ["| Fault | Promise | Kept by |" + " Last figure |" * measured, "|---|---|---|" + "---|" * measured]
+        table = ["| Fault | Promise |" + " Last figure |" * measured + " Tests |", "|---|---|---|" + "---|" * measured]
         for row in promises:
             last = f" {cell(figures.get(row.get('figure')))} |".replace("  ", " ") if measured else ""
-            table.append(f"| {row['fault']} | {row['promise']} | {kept_by(row)} |{last}")
+            table.append(f"| {row['fault']} | {row['promise']} |{last} {kept_by(row)} |")
         parts.append("\n".join(table))
     machines = sorted({figure["processor"] for figure in figures.values()})
     parts += [f"The figures are of: {'; '.join(machines)}."] if machines else []
