@@ -67,6 +67,7 @@ void Admission::proceed() {
 // What the environment's views read is made when the first of them comes.
 void Admission::prepare_environment() {
   const EnvironmentUse environment = request_.environment;
+  // Another call prepares it already. Two at once would do the work twice.
   if (environment->preparing.exchange(true)) return proceed_after(kTurnInterval);
   turn_ = {nullptr, [environment](void*) { environment->preparing = false; }};
   const auto stages = std::make_shared<std::vector<StageTime>>();
@@ -139,6 +140,7 @@ absl::StatusOr<FrameMemory> Admission::take_memory(FrameMaker& renderer) {
   RETURN_IF_ERROR(reserve_lookahead(bytes));
   ASSIGN_OR_RETURN(std::unique_ptr<MemoryClaim> claim, memory_.claim_frame(client_, bytes, clock_.now()));
   absl::StatusOr<FrameMemory> memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
+  // A frame needs memory now. An environment that nobody uses can be sent and baked again.
   while (absl::IsUnavailable(memory.status()) && environments_.free_one()) {
     memory = renderer.allocate(request_.desc, request_.settings, request_.verify);
   }
@@ -172,6 +174,7 @@ absl::Status Admission::reserve_lookahead(uint64_t frame_bytes) {
 }
 
 bool Admission::retry_after(const absl::Status& status) {
+  // Nothing tells this call when memory is free, so it asks again.
   if (!absl::IsUnavailable(status) || clock_.now() >= deadline_) return false;
   proceed_after(kRetryInterval);
   return true;

@@ -56,6 +56,7 @@ void Heartbeat::run() {
     {
       absl::MutexLock lock(&state_->mutex);
       if (clock_.await(state_->mutex, absl::Condition(&state_->stopping), tick)) return;
+      // Ticks and not times: a process that was suspended has seen no ticks.
       ++state_->ticks_since_good;
       ++state_->ticks_since_end;
       pulse = {state_->ticks_since_good * tick <= options_.limit,

@@ -71,6 +71,7 @@ bool RenderSteps::step() {
   std::optional<FrameJob> job;
   {
     absl::MutexLock lock(&mutex_);
+    // The heartbeat goes first: behind clients' jobs it would take a full queue for a stuck thread.
     if (!tasks_.empty()) {
       task = std::move(tasks_.front());
       tasks_.pop_front();
@@ -92,6 +93,7 @@ bool RenderSteps::step() {
 
 void RenderSteps::serve(FrameJob job) {
   const absl::Time start = clock_.now();
+  // A job that has begun is finished even after its deadline, because most of its work may be done.
   const bool begins = job.slices == nullptr;
   if (begins && start >= job.deadline) {
     return job.done(absl::DeadlineExceededError(
@@ -120,7 +122,7 @@ void RenderSteps::serve(FrameJob job) {
     if (!ended && !last_slice_) return queue_.put_back(std::move(job));
   }
   if (!ended) {
-    job.slices.reset();
+    job.slices.reset();  // before `done`: waits until the job's thread has released everything
     report = absl::CancelledError("nobody waits for the frame any more");
   }
   finish(std::move(job), std::move(report));
@@ -141,6 +143,7 @@ void RenderSteps::begin_slices(FrameJob& job) {
 void RenderSteps::finish(FrameJob job, absl::StatusOr<FrameReport> report) {
   if (!report.ok()) return job.done(report.status());
   const absl::Duration queued = clock_.now() - job.submitted - job.ran;
+  // A client that reads slowly must not hold the textures.
   if (job.work != Work::kMeter && job.frame != nullptr) job.frame->memory.keep_output_only();
   job.done(RenderedFrame{*std::move(report), queued});
 }
