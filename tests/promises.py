@@ -5,8 +5,9 @@
     promises.py --write                       # writes the page
     promises.py --record COMMIT FILE...       # takes figures over into figures.json, and writes the page
 
-A name is wrong if no test and no fault of the simulator has it (each fault has to be in a row), if the test is disabled, or if no test records the figure. Tests
-are looked for in sources and build files, because no build has all of them: a sanitizer's lacks some, only `fuzz` has its own.
+A name is wrong if no test and no fault of the simulator has it (each fault has to be in a row), if the test is disabled, or if
+no test records the figure. Tests are looked for in sources and build files, because no build has all of them: a sanitizer's
+lacks some, only `fuzz` has its own.
 
 Tests append figures to the file that CANDELA_TEST_FIGURES names, one in a line: {"figure": NAME, "value": 31.5, "unit": "ms",
 "against": 25.0}. `against` is the same of the control, or from before.
