@@ -45,9 +45,9 @@ class SessionState {
 
   // All that follows is for the driver.
 
-  // Whether a call is needed. Before the session is open it is. One that has lost its server while no result
-  // was due needs none until it has something to send, however long that takes. `idle`: the answer before was
-  // kNotYet.
+  // Whether a call to a server is needed. A session that is not open yet needs one. A session that lost its
+  // server while no result was due needs none until it has something to send, however long that takes.
+  // `idle`: the last answer was kNotYet.
   enum class Need { kNotYet, kCall, kOver };
   Need need(bool idle);
 

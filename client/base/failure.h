@@ -19,7 +19,8 @@ enum class FailureKind {
   kOutput,  // a file or a stream that is written
 };
 
-// The status with its kind. OK stays OK, and a kind that it has already stays: the cause knows best.
+// The status with this kind. OK stays OK. A status that has a kind keeps it, because the kind was set nearer
+// to the cause.
 absl::Status failure_of(FailureKind kind, absl::Status status);
 
 // kOther if none was set.
@@ -31,7 +32,7 @@ absl::Status about_input(absl::Status status, const std::string& path);
 // A failure of the kind kInput that is about this file: failure_of() and about_input() together.
 absl::Status input_failure(const absl::Status& status, const std::string& path);
 
-// That file; "" if the failure is about none.
+// The input file that the failure is about; "" if it is about none.
 std::string input_of(const absl::Status& status);
 
 // The same failure in other words.

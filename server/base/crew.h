@@ -1,4 +1,4 @@
-// A few threads that share out a piece of work with the thread that has it.
+// A few threads that help another thread with a piece of its work.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// retry() by a clock that is given.
+// retry() with the caller's clock, which tests move.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// Gives the images of a sequence to a sink, and to frames that have none of their own the image of the file
-// before: to missing frames with --missing hold, and to bad ones beside it.
+// Gives the images of a sequence to a sink. With --missing hold, a frame that has no image of its own,
+// because its file is missing or bad, is held: it gets the image of the file before it.
 #pragma once
 
 #include <cstdint>

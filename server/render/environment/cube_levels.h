@@ -21,7 +21,8 @@ uint32_t default_cube_size(uint32_t panorama_width);
 uint32_t view_cube_size(uint32_t panorama_width);
 // K: sub-texels along a side of a texel of level 0. `samples` is the tier's.
 uint32_t cube_samples(uint32_t panorama_width, uint32_t size, uint32_t samples);
-// Levels from `size` down to 1 x 1, and from there to the specular levels: `size` down to 16 x 16.
+// The number of levels from `size` down to 1 x 1, and the number of specular levels: from `size` down to 16 x
+// 16.
 uint32_t chain_levels(uint32_t size);
 uint32_t specular_levels(uint32_t size);
 

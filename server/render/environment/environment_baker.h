@@ -42,9 +42,10 @@ class EnvironmentBaker {
     return pool_.reserve(bytes, "the bake");
   }
 
-  // Ingests the pixels. `matrix` takes the input primaries to Rec.709. With light that no half holds, the
-  // panorama takes a texture of twice the size: then `grow` is called with its bytes first, and may refuse.
-  // While the pool has no room for it, `free_one` may free something; false: there is nothing more.
+  // Ingests the pixels. `matrix` takes the input primaries to Rec.709. If some light is beyond the largest
+  // half, the panorama needs a texture of twice the size. Then `grow` is called first, with its bytes, and
+  // may refuse. While the pool has no room for it, `free_one` is called to free something; it returns false
+  // if there is nothing to free.
   absl::StatusOr<Environment> finish(
       PanoramaUpload upload, const std::optional<std::array<float, 9>>& matrix,
       absl::FunctionRef<absl::Status(uint64_t bytes)> grow = [](uint64_t) { return absl::OkStatus(); },

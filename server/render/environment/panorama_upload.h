@@ -14,8 +14,8 @@ namespace candela {
 // Taken from the pool, and given back to it on destruction. Movable. One thread at a time.
 class PanoramaUpload {
  public:
-  // Takes everything or nothing. RESOURCE_EXHAUSTED if the device or the pool's budget can never hold it,
-  // before anything is taken; otherwise fails as TexturePool::take() does. `pool` outlives the memory.
+  // Allocates everything or nothing. RESOURCE_EXHAUSTED if the device or the pool's budget can never hold it,
+  // before anything is allocated; otherwise fails as TexturePool::take() does. `pool` outlives the memory.
   static absl::StatusOr<PanoramaUpload> take(TexturePool& pool, const DeviceSummary& device,
                                              const FrameDesc& desc);
 

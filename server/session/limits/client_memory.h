@@ -46,7 +46,7 @@ class MemoryPressure {
 // Any thread. What it hands out keeps it alive.
 class ClientMemory : public std::enable_shared_from_this<ClientMemory> {
  public:
-  // An upload that brings nothing for this long loses its memory if another frame could use it.
+  // An upload that gets no band for this long loses its memory if another frame could use it.
   static constexpr absl::Duration kStalled = absl::Seconds(2);
 
   // How often a call that uploads calls check_upload().

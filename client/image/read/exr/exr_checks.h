@@ -1,4 +1,4 @@
-// What an OpenEXR picture must keep to, checked by its header before memory is taken.
+// The limits of an OpenEXR picture, which its header is checked against before memory is allocated.
 #pragma once
 
 #include <OpenEXR/ImfCompression.h>
