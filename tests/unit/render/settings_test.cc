@@ -276,18 +276,18 @@ TEST(Settings, AnotherRangeHoldsWithTheChoiceThatItNames) {
 }
 
 TEST(Settings, AChoiceThatTakesSomeWordsOfItsEnumListsThese) {
-  const auto words = [](const std::string& path) {
+  const auto words_at = [](const std::string& path) {
     std::vector<std::string> words;
     for (const SettingField& setting : setting_fields()) {
+      const SettingInfo info = setting_info(setting);
       if (setting.path != path) continue;
-      for (const SettingInfo::Choice& choice : setting_info(setting).choices())
-        words.push_back(choice.word());
+      for (const SettingInfo::Choice& choice : info.choices()) words.push_back(choice.word());
     }
     return words;
   };
-  EXPECT_EQ(words("display_primaries"), (std::vector<std::string>{"rec2020", "p3-d65"}));
-  EXPECT_EQ(words("limit_primaries"), (std::vector<std::string>{"rec2020", "p3-d65"}));
-  EXPECT_EQ(words("input_primaries").size(), 6u);
+  EXPECT_EQ(words_at("display_primaries"), (std::vector<std::string>{"rec2020", "p3-d65"}));
+  EXPECT_EQ(words_at("limit_primaries"), (std::vector<std::string>{"rec2020", "p3-d65"}));
+  EXPECT_EQ(words_at("input_primaries").size(), 6u);
 }
 
 TEST(Settings, AnUnknownChoiceIsRefusedByNameAndNumber) {
