@@ -47,13 +47,15 @@ double number_in(const Message& holder, const FieldDescriptor& field) {
   }
 }
 
-// The field's declaration, with the exceptions that apply under the message's choices.
-Setting in_force(const SettingField& field, const Message& holder) {
+// The field's declaration, with the exceptions that apply under the message's choices. `range_word`, if it is
+// not null, gets the word of the choice that changes the range.
+Setting in_force(const SettingField& field, const Message& holder, std::string* range_word = nullptr) {
   Setting declaration = field.declaration();
   for (const Setting::Exception& exception : field.declaration().except()) {
     const FieldDescriptor* choice = field.field->containing_type()->FindFieldByName(exception.choice());
     const int value = holder.GetReflection()->GetEnumValue(holder, choice);
     if (enum_word(*choice->enum_type(), value) != exception.word()) continue;
+    if (range_word != nullptr && (exception.has_min() || exception.has_max())) *range_word = exception.word();
     if (exception.has_min()) declaration.set_min(exception.min());
     if (exception.has_max()) declaration.set_max(exception.max());
     if (exception.has_default_()) declaration.set_default_(exception.default_());
@@ -87,7 +89,8 @@ absl::Status complete_choice(const SettingField& setting_field, Message& holder)
 
 absl::Status complete_number(const SettingField& setting_field, Message& holder) {
   const FieldDescriptor& field = *setting_field.field;
-  const Setting declaration = in_force(setting_field, holder);
+  std::string word;
+  const Setting declaration = in_force(setting_field, holder, &word);
   if (!holder.GetReflection()->HasField(holder, &field)) {
     if (declaration.has_default_()) setting_field.set_number(holder, declaration.default_());
     return absl::OkStatus();
@@ -98,8 +101,9 @@ absl::Status complete_number(const SettingField& setting_field, Message& holder)
   const double max = single ? static_cast<float>(declaration.max()) : declaration.max();
   if (value >= min && value <= max) return absl::OkStatus();  // false for NaN
   return absl::InvalidArgumentError(
-      absl::StrFormat("%s is %g; it must be between %s and %s", setting_field.path, value,
-                      format_number(declaration.min()), format_number(declaration.max())));
+      absl::StrFormat("%s is %g; %sit must be between %s and %s", setting_field.path, value,
+                      word.empty() ? "" : absl::StrCat("with ", word, " "), format_number(declaration.min()),
+                      format_number(declaration.max())));
 }
 
 void complete_other(const SettingField& setting_field, Message& holder) {

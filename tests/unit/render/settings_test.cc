@@ -55,11 +55,12 @@ double next_number(const SettingField& setting, double from, double to) {
   return std::nextafter(from, to);
 }
 
-void expect_refused(const SettingField& setting, Settings settings, double value, double min, double max) {
+void expect_refused(const SettingField& setting, Settings settings, double value, double min, double max,
+                    const std::string& condition = "") {
   const absl::Status status = complete_settings(settings);
   EXPECT_REFUSED(kInvalidArgument, "", status) << setting.path << " " << value;
-  EXPECT_EQ(status.message(), absl::StrFormat("%s is %g; it must be between %s and %s", setting.path, value,
-                                              format_number(min), format_number(max)));
+  EXPECT_EQ(status.message(), absl::StrFormat("%s is %g; %sit must be between %s and %s", setting.path, value,
+                                              condition, format_number(min), format_number(max)));
 }
 
 // Everything at a value that the user could have given: numbers at their maximum, choices at their last
@@ -267,7 +268,7 @@ TEST(Settings, AnotherRangeHoldsWithTheChoiceThatItNames) {
         const double beyond = next_number(setting, end, outside);
         Settings refused = with_number(setting, beyond);
         choose(refused, setting, exception);
-        expect_refused(setting, refused, beyond, min, max);
+        expect_refused(setting, refused, beyond, min, max, "with " + exception.word() + " ");
       }
       ++tested;
     }
