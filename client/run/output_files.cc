@@ -12,6 +12,7 @@
 #include <tuple>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/base/usage.h"
 #include "client/image/write/atomic_file.h"
@@ -93,6 +94,11 @@ absl::Status replaces_only_json(const char* option, const std::string& path) {
   return usage_error(absl::StrFormat(
       "%s %s: this file is there and holds no JSON, so it is not replaced; name another file%s", option, path,
       absl::string_view(option) == "--json" ? ", or - for stdout" : ""));
+}
+
+bool names_folder(const std::string& path) {
+  std::error_code failed;
+  return absl::EndsWith(path, "/") || fs::is_directory(path, failed);
 }
 
 absl::Status make_folder_of(const std::string& path) {

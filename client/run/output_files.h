@@ -29,6 +29,9 @@ bool holds_json(const std::string& path);
 // A usage error if this option's file is there and holds no JSON, such as an image that was named by mistake.
 absl::Status replaces_only_json(const char* option, const std::string& path);
 
+// Whether a path is that of a folder: it ends in "/", or a folder is there.
+bool names_folder(const std::string& path);
+
 // Makes the folder of a file to write if it is missing. Fails with the folder and the system's reason.
 absl::Status make_folder_of(const std::string& path);
 

@@ -18,6 +18,7 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
+#include "client/run/output_files.h"
 #include "client/run/picture/hdr_gain_map.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
@@ -34,15 +35,10 @@ absl::Status check_error_map(const RenderOptions& options) {
       options.verify.error_map, options.output));
 }
 
-bool is_folder(const std::string& path) {
-  std::error_code failed;
-  return absl::EndsWith(path, "/") || std::filesystem::is_directory(path, failed);
-}
-
 // Whether an input may name more than one image.
 bool is_pattern(const std::string& input) {
   std::error_code failed;
-  if (std::filesystem::exists(input, failed)) return is_folder(input);
+  if (std::filesystem::exists(input, failed)) return names_folder(input);
   return input.find_first_of("*?[%#@") != std::string::npos;
 }
 
@@ -106,7 +102,7 @@ absl::Status set_files(RenderArguments& arguments) {
   }
   const bool several = options.inputs.size() > 1 || is_pattern(options.inputs.front());
   const bool named = std::filesystem::path(options.output).has_extension();
-  if (!is_folder(options.output) && (!several || named)) {
+  if (!names_folder(options.output) && (!several || named)) {
     if (several) {
       return usage_error(absl::StrFormat("%s is one file; several images need a folder, such as %s/",
                                          options.output,

@@ -19,7 +19,7 @@
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
 #include "client/cli/options/idle_options.h"
-#include "client/cli/options/panorama/panorama_options.h"
+#include "client/cli/options/panorama/environment_arguments.h"
 #include "client/cli/results/run_display.h"
 #include "client/environment/environment_files.h"
 #include "client/environment/pictures.h"

@@ -17,7 +17,7 @@
 #include "client/cli/files/terminal.h"
 #include "client/cli/options/command_line.h"
 #include "client/cli/options/idle_options.h"
-#include "client/cli/options/panorama/panorama_options.h"
+#include "client/cli/options/panorama/view_arguments.h"
 #include "client/cli/results/render_report.h"
 #include "client/cli/results/run_display.h"
 #include "client/cli/results/stream_report.h"

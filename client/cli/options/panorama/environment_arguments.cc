@@ -1,3 +1,5 @@
+#include "client/cli/options/panorama/environment_arguments.h"
+
 #include <bit>
 #include <filesystem>
 #include <string>
@@ -9,10 +11,11 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/usage.h"
-#include "client/cli/options/panorama/panorama_options.h"
+#include "client/cli/options/picture/picture_options.h"
 #include "client/cli/options/picture/settings_options.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
+#include "client/run/output_files.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 
@@ -135,14 +138,9 @@ void add_files(CLI::App& app, EnvironmentOptions& options) {
       options.preview);
 }
 
-bool is_folder(const std::string& path) {
-  std::error_code failed;
-  return absl::EndsWith(path, "/") || std::filesystem::is_directory(path, failed);
-}
-
 // The layouts that the output can have; the first is the default.
 absl::StatusOr<std::vector<EnvironmentLayout>> layouts_of(const std::string& output) {
-  if (is_folder(output)) return std::vector{EnvironmentLayout::kFaces};
+  if (names_folder(output)) return std::vector{EnvironmentLayout::kFaces};
   const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
   if (extension == ".ktx2") return std::vector{EnvironmentLayout::kFaces};
   if (extension == ".exr") {

@@ -1,8 +1,9 @@
+#include "client/cli/options/panorama/view_arguments.h"
+
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "client/base/usage.h"
-#include "client/cli/options/panorama/panorama_options.h"
 #include "client/cli/options/picture/exposure_options.h"
 #include "client/cli/options/picture/picture_options.h"
 #include "client/cli/options/picture/settings_options.h"
@@ -153,12 +154,6 @@ absl::StatusOr<std::string> sample_name(const PanoramaViewOptions& options) {
 }
 
 }  // namespace
-
-void add_rotation_option(CLI::App& app, const std::string& section, double& degrees) {
-  add_number(app, section, "--rotation", "DEG", v1::kRotationDeg, 0,
-             "Turn the panorama about the vertical; 90 moves what was ahead to the left",
-             [&degrees](double value) { degrees = value; });
-}
 
 void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) {
   PanoramaViewOptions& options = arguments.options;

@@ -258,4 +258,10 @@ absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& heig
   return absl::OkStatus();
 }
 
+void add_rotation_option(CLI::App& app, const std::string& section, double& degrees) {
+  add_number(app, section, "--rotation", "DEG", v1::kRotationDeg, 0,
+             "Turn the panorama about the vertical; 90 moves what was ahead to the left",
+             [&degrees](double value) { degrees = value; });
+}
+
 }  // namespace candela

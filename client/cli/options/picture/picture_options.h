@@ -48,4 +48,7 @@ absl::Status check_server_encoding(v1::Encoding encoding, const std::string& fil
 // Parses "WIDTHxHEIGHT"; each is at most kMaxDimension.
 absl::Status parse_size(const std::string& text, uint32_t& width, uint32_t& height);
 
+// Defines --rotation, of a panorama.
+void add_rotation_option(CLI::App& app, const std::string& section, double& degrees);
+
 }  // namespace candela
