@@ -26,8 +26,8 @@ for storey in SERVER[1:]:
         ALLOWED[folder] = ["proto", "shaders"] + above
     above += storey
 # The one door from the client into the server, and the exposures that both compute.
-DOORS = {"client/run/server/embedded_server.cc": ["server", "server/base"],
-         "client/run/exposure/exposure_file.cc": ["server/render/color"]}
+DOORS = {"client/run/embedded_server.cc": ["server", "server/base"],
+         "client/run/exposure_file.cc": ["server/render/color"]}
 
 # What reads the machine's time or waits by it. Server and client library take a Clock instead (server/base/clock.h), except for:
 TIME = re.compile(r"\babsl::Now\(|_clock::now\(|\bSleepFor\(|\bthis_thread::sleep_|\b\w*[a-z]With(?:Timeout|Deadline)\("
@@ -45,7 +45,7 @@ KEEPS_TIME = ("server/", "client/call/", "client/retry", "client/session")
 
 # Exposures, metering's weights and tokens have the same bits on every machine. Powers and logarithms of C libraries have not.
 POWER = re.compile(r"(?<![\w.>])(?:exp2?|exp10|expm1|log(?:2|10|1p)?|pow)[fl]?\(")
-OWN_POWERS = ("server/render/plan/", "server/session/", "client/run/exposure/")
+OWN_POWERS = ("server/render/plan/", "server/session/", "client/run/exposure_file.cc")
 
 root = pathlib.Path(__file__).resolve().parent.parent
 

@@ -23,9 +23,9 @@
 #include "client/cli/options/command_line.h"
 #include "client/cli/options/server_options.h"
 #include "client/image/write/temporary_path.h"
-#include "client/run/images/film_file.h"
+#include "client/run/embedded_server.h"
+#include "client/run/film.h"
 #include "client/run/output_files.h"
-#include "client/run/server/embedded_server.h"
 #include "server/base/process/end_process.h"
 #include "server/base/status_macros.h"
 #include "server/base/words/variables.h"
@@ -97,8 +97,8 @@ void clean_up_on_signals() {
 }
 
 constexpr const Command* kCommands[] = {
-    &kRenderCommand, &kContactCommand, &kStreamCommand, &kMeterCommand, &kViewCommand, &kEnvironmentCommand,
-    &kSampleCommand, &kReportCommand, &kBenchCommand, &kInfoCommand, &kHealthCommand};
+    &kRenderCommand, &kContactCommand, &kStreamCommand, &kMeterCommand, &kViewCommand,  &kEnvironmentCommand,
+    &kSampleCommand, &kReportCommand,  &kBenchCommand,  &kInfoCommand,  &kHealthCommand};
 
 // A variable with a typing error would otherwise go unnoticed.
 void tell_of_unknown_variables() {

@@ -1,11 +1,20 @@
-// A procedural HDR scene, for a first picture without any file and for tests.
+// Pictures that need no file: test scenes, the sample picture and the sample panorama.
 #pragma once
 
 #include <cstdint>
 
+#include "absl/status/statusor.h"
 #include "client/image/image.h"
+#include "client/image/scenes.h"
 
 namespace candela {
+
+// A test scene as an image.
+
+// The scene as halves. Fails like make_image().
+absl::StatusOr<Image> scene_image(uint32_t width, uint32_t height, const scenes::TexelFunction& texel);
+
+// A procedural HDR scene, for a first picture without any file and for tests.
 
 // An evening: an analytic sky, a sun of 1e5, lamps of several colours on dark ground, deep shadow near 1e-3,
 // and a test strip with a grey ramp (2^-10 .. 2^6) above all hues (2^-6 .. 2^3). The format is kRgba32f,

@@ -1,14 +1,24 @@
 #include "client/run/picture_run.h"
 
-#include <iterator>
-#include <utility>
+#include <unistd.h>
 
+#include <cstddef>
+#include <iterator>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "client/base/failure.h"
+#include "client/color/view_error.h"
 #include "client/image/encodings.h"
-#include "client/run/picture/error_map.h"
-#include "client/run/picture/file_error.h"
-#include "client/run/picture/frame_files.h"
-#include "client/run/picture/frame_notes.h"
-#include "client/run/picture/picture_size.h"
+#include "client/image/image.h"
+#include "client/image/read/image_stream.h"
+#include "client/run/frame_files.h"
+#include "client/run/hdr_gain_map.h"
+#include "client/run/picture_error.h"
+#include "client/run/server_link.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 
@@ -108,6 +118,199 @@ absl::Status PictureRun::write_error_map() const {
 RenderReport PictureRun::finish() {
   report_.total_ms = ms_since(begin_);
   return std::move(report_);
+}
+
+namespace {
+
+// Ends the wait for a server that never answers. The largest frame behind a full queue takes much less time.
+constexpr absl::Duration kRenderTimeout = absl::Minutes(30);
+
+// Renders one file: reads it, has the server render it, and writes the result.
+class FrameRun {
+ public:
+  FrameRun(const RenderOptions& options, const RenderJob& job, bool only, Run& run, RunEvents& events)
+      : options_(options),
+        job_(job),
+        only_(only),
+        run_(run),
+        events_(events),
+        picture_(options, options.verify, job.input, job.output, run, events, absl::Now()) {}
+
+  absl::StatusOr<RenderReport> run() {
+    ASSIGN_OR_RETURN(Image image, read());
+    picture_.report().primaries = primaries_of(image, options_.settings, view());
+    picture_.report().missing_pixels = image.missing_pixels;
+    ASSIGN_OR_RETURN(Image rendered, render(std::move(image)));
+    if (job_.take) {
+      job_.take(std::move(rendered));
+      return picture_.finish();
+    }
+    RETURN_IF_ERROR(picture_.write(rendered));
+    RETURN_IF_ERROR(picture_.write_error_map());
+    return picture_.finish();
+  }
+
+ private:
+  absl::StatusOr<Image> read_input() {
+    ASSIGN_OR_RETURN(const v1::Limits limits, run_.limits());
+    const ImageLimits most = image_limits(limits, options_);
+    absl::StatusOr<Image> image =
+        is_piped() ? read_piped_image(STDIN_FILENO, kStdinName, most, choice_of(options_, view()))
+                   : read_image(job_.input, most, choice_of(options_, view()));
+    if (!image.ok()) return image;
+    if (verifies_view() && view()->view.to_scene) {
+      const std::span<const std::byte> values = image->pixels.span();
+      own_values_.assign(values.begin(), values.end());
+    }
+    enter_scene(view(), *image);
+    return image;
+  }
+
+  bool is_piped() const { return job_.input == "-"; }
+  const BakedView* view() const { return run_.view().get(); }
+  bool verifies_view() const { return options_.verify.verify && view() != nullptr; }
+
+  absl::StatusOr<Image> read() {
+    events_.begins("reading " + job_.input);
+    if (const auto limits = run_.limits(); !limits.ok()) return limits.status();
+    const absl::Time begin = absl::Now();
+    absl::StatusOr<Image> image = read_input();
+    read_ms_ = ms_since(begin);
+    if (!image.ok()) return image;
+    picture_.add_notes(std::exchange(image->notes, {}));
+    picture_.add_note(cube_map_note(*image));
+    return image;
+  }
+
+  // Frees the frame, and stops the built-in server after the only image, before it returns, so that only the
+  // picture stays in memory.
+  absl::StatusOr<Image> render(Image frame) {
+    events_.begins("rendering " + job_.input);
+    RETURN_IF_ERROR(run_.connect());
+    const absl::Time begin = absl::Now();
+    FrameView view = view_of(frame);
+    if (options_.previous.exposure() > 0) view.previous = options_.previous;
+    view.exposure = run_.locked();
+    view.verify = options_.verify.verify;
+    view.error_map = !options_.verify.error_map.empty();
+    // The picture will need the memory. What came through a pipe cannot be read again.
+    if (only_ && !verifies_view() && !is_piped() && !options_.gain_map_target)
+      view.on_sent = [&frame] { frame.pixels = {}; };
+    v1::Settings settings = settings_for(frame, options_.settings);
+    if (options_.previous.exposure() == 0) show_display_light(frame, settings);
+    if (options_.ignore_empty_alpha) picture_.add_note(ignore_empty_alpha(frame, settings));
+    if (options_.desqueeze) picture_.add_note(desqueeze(frame, settings));
+    const bool alpha = frame.has_alpha && keeps_alpha(settings);
+    if (run_.view()) show_by(*run_.view(), settings);
+    absl::StatusOr<RenderResult> result = call(settings, frame, view, begin + kRenderTimeout);
+    const double call_ms = ms_since(begin);
+    if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
+    Image hdr;
+    const absl::Time hdr_begin = absl::Now();
+    if (options_.gain_map_target) {
+      view.exposure = result->header.exposure();
+      view.previous.reset();
+      ASSIGN_OR_RETURN(hdr, render_hdr(settings, frame, view, begin + kRenderTimeout));
+      frame.pixels = {};
+    }
+    if (only_) run_.close();
+
+    const v1::ImageSize size{frame.width, frame.height};
+    const double aspect = image_pixel_aspect(size, frame.pixel_aspect, settings.output_size());
+    picture_.take(*result, settings, size);
+    if (verifies_view()) {
+      const std::span<const std::byte> own = own_values_.empty() ? view.pixels : own_values_;
+      ASSIGN_OR_RETURN(const ViewError error,
+                       error_of_view(run_.view()->view, {view.format, own, size, std::move(settings),
+                                                         result->header, result->pixels()}));
+      picture_.report().view_error = error;
+      frame.pixels = {};
+    }
+    add_stages(call_ms, result->header);
+    Image picture = picture_of(*std::move(result), alpha, aspect);
+    if (options_.gain_map_target) {
+      ASSIGN_OR_RETURN(GainMapCodes map, gain_map_between(picture, hdr, options_.gain_map_target->curve,
+                                                          options_.gain_map_target->peak_nits));
+      picture_.set_gain_map(std::move(map));
+      picture_.add_stage("hdr", ms_since(hdr_begin));
+    }
+    picture.frame_rate = frame.frame_rate;
+    picture.kept = frame.kept;
+    return picture;
+  }
+
+  // The HDR picture of the same frame, for a gain map. `view` has the SDR picture's exposure.
+  absl::StatusOr<Image> render_hdr(const v1::Settings& sdr, Image& frame, FrameView view,
+                                   absl::Time deadline) {
+    view.verify = view.error_map = false;
+    const v1::Settings settings =
+        hdr_settings(sdr, options_.gain_map_target->curve, options_.gain_map_target->peak_nits);
+    absl::StatusOr<RenderResult> result = call(settings, frame, view, deadline);
+    if (!result.ok()) return name_file(in_options(result.status(), options_.settings), job_.input);
+    return picture_of(*std::move(result), false, 1);
+  }
+
+  absl::StatusOr<RenderResult> call(const v1::Settings& settings, Image& frame, FrameView& view,
+                                    absl::Time deadline) {
+    absl::StatusOr<RenderResult> result;
+    RETURN_IF_ERROR(run_.link().call(deadline, [&](const Connection& server) {
+      RETURN_IF_ERROR(read_again(frame, view));
+      result = call_once(server, settings, view, deadline);
+      return result.status();
+    }));
+    return result;
+  }
+
+  // Several images at once may be too many for the server's memory. Then this one waits for another one's
+  // call to end.
+  absl::StatusOr<RenderResult> call_once(const Connection& server, const v1::Settings& settings,
+                                         const FrameView& view, absl::Time deadline) {
+    while (true) {
+      run_.begin_call();
+      absl::StatusOr<RenderResult> result = server.render(settings, view, deadline);
+      run_.end_call();
+      if (only_ || !absl::IsUnavailable(result.status()) || !run_.wait_for_a_call()) return result;
+    }
+  }
+
+  // The call that sent the frame was lost, and the frame was freed by then.
+  absl::Status read_again(Image& frame, FrameView& view) {
+    if (!frame.pixels.empty()) return absl::OkStatus();
+    absl::StatusOr<Image> image = read_input();
+    if (!image.ok()) return image.status();
+    if (image->width != frame.width || image->height != frame.height || image->format != frame.format) {
+      return failure_of(FailureKind::kInput, absl::FailedPreconditionError(absl::StrFormat(
+                                                 "%s: it was replaced by another image while it was "
+                                                 "rendered; render it again",
+                                                 job_.input)));
+    }
+    frame.pixels = std::move(image->pixels);
+    view.pixels = frame.pixels.span();
+    return absl::OkStatus();
+  }
+
+  void add_stages(double call_ms, const v1::ResultHeader& header) {
+    if (run_.start_ms() > 0) picture_.add_stage("start", run_.start_ms());
+    if (view() != nullptr) picture_.add_stage("view", run_.bake_ms());
+    picture_.add_stage("read", read_ms_);
+    add_server_stages(header, call_ms, picture_.report().stage_ms);
+  }
+
+  const RenderOptions& options_;
+  const RenderJob& job_;
+  const bool only_;
+  Run& run_;
+  RunEvents& events_;
+  PictureRun picture_;
+  std::vector<std::byte> own_values_;  // the file's, if they are not what is sent and the view is verified
+  double read_ms_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<RenderReport> run_frame(const RenderOptions& options, const RenderJob& job, bool only,
+                                       Run& run, RunEvents& events) {
+  return FrameRun(options, job, only, run, events).run();
 }
 
 }  // namespace candela

@@ -1,13 +1,15 @@
-// The run of a picture that one call renders: of a frame, or of a panorama's view.
+// Renders one picture: of a file, or of a view.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "client/image/image.h"
@@ -20,6 +22,8 @@
 
 namespace candela {
 
+// The run of a picture that one call renders: of a frame, or of a panorama's view.
+//
 // Collects the report and writes the files. Whoever owns it reads, connects and calls. Used by one thread.
 class PictureRun {
  public:
@@ -54,5 +58,19 @@ class PictureRun {
   RenderReport report_;
   std::vector<uint16_t> error_map_;
 };
+
+// The run of one image file: read, rendered by one call, and written.
+
+// One image to render: a file in, a file out.
+struct RenderJob {
+  std::string input;
+  std::string output;
+  std::function<void(Image)> take = nullptr;  // gets the image in place of a file
+};
+
+// Reads the input, has the server render it, and writes the output. Several threads may call it with one
+// `run`. `only` says that no other image follows: the server is stopped before the image is written.
+absl::StatusOr<RenderReport> run_frame(const RenderOptions& options, const RenderJob& job, bool only,
+                                       Run& run, RunEvents& events);
 
 }  // namespace candela

@@ -1,7 +1,7 @@
 #include "client/run/run.h"
 
 #include "absl/time/clock.h"
-#include "client/run/exposure/exposure_file.h"
+#include "client/run/exposure_file.h"
 #include "client/run/report.h"
 #include "server/base/status_macros.h"
 

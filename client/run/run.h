@@ -9,10 +9,10 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
+#include "client/run/baked_view.h"
 #include "client/run/events.h"
 #include "client/run/options.h"
-#include "client/run/picture/baked_view.h"
-#include "client/run/server/server_link.h"
+#include "client/run/server_link.h"
 
 namespace candela {
 

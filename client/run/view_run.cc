@@ -1,25 +1,82 @@
 #include "client/run/view_run.h"
 
+#include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
-#include "client/run/images/image_files.h"
-#include "client/run/panorama/panorama_file.h"
-#include "client/run/panorama/view_frames.h"
-#include "client/run/picture/frame_files.h"
-#include "client/run/picture/frame_notes.h"
-#include "client/run/picture/picture_size.h"
+#include "client/run/frame_files.h"
+#include "client/run/frame_numbers.h"
+#include "client/run/frame_sinks.h"
+#include "client/run/frame_source.h"
+#include "client/run/options.h"
+#include "client/run/panorama_file.h"
 #include "client/run/picture_run.h"
 #include "client/run/run.h"
-#include "client/run/server/option_words.h"
+#include "client/run/server_link.h"
 #include "client/run/session_run.h"
+#include "client/run/view_scene.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
 namespace {
+
+// The frames of a camera that moves in a panorama.
+class ViewFrames : public FrameSource {
+ public:
+  // `environment` is the id of the panorama `file` on the server. `exposure` is that of all frames, if it is
+  // given. The options, the scene and the file must outlive this.
+  ViewFrames(const PanoramaViewOptions& options, const ViewScene& scene, const PanoramaFile& file,
+             std::string environment, std::optional<double> exposure)
+      : options_(options),
+        scene_(scene),
+        file_(file),
+        environment_(std::move(environment)),
+        exposure_(exposure),
+        settings_(without_panorama(options.settings)) {}
+
+  uint64_t frames() const override { return scene_.frames(); }
+  std::optional<SourceFrame> next() override;
+
+ private:
+  const PanoramaViewOptions& options_;
+  const ViewScene& scene_;
+  const PanoramaFile& file_;
+  const std::string environment_;
+  const std::optional<double> exposure_;
+  const v1::Settings settings_;
+  uint64_t next_ = 0;
+};
+
+std::optional<SourceFrame> ViewFrames::next() {
+  if (next_ == scene_.frames()) return std::nullopt;
+  const uint64_t index = next_++;
+  SourceFrame made;
+  made.settings = settings_;
+  made.facts = {
+      .number = static_cast<int64_t>(index),
+      .input = options_.panorama,
+      .place = index,
+      .media_time_ns = media_time_ns(index, scene_.rate()),
+      .exposure_given = exposure_.has_value(),
+      .size = {options_.width, options_.height},
+      .pixel_aspect = image_pixel_aspect({options_.width, options_.height}, 1, settings_.output_size()),
+      .frame_rate = scene_.rate(),
+      .primaries = file_.primaries,
+      .missing_pixels = file_.missing_pixels};
+  made.frame = {.width = options_.width,
+                .height = options_.height,
+                .sequence = index,
+                .media_time_ns = made.facts.media_time_ns,
+                .exposure = exposure_,
+                .view = scene_.view(environment_, index),
+                .panorama = file_.panorama};
+  return made;
+}
 
 // Ends the wait for a server that never answers.
 constexpr absl::Duration kViewTimeout = absl::Minutes(30);

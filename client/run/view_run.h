@@ -7,8 +7,8 @@
 #include "absl/status/statusor.h"
 #include "client/run/events.h"
 #include "client/run/options.h"
-#include "client/run/panorama/view_scene.h"
 #include "client/run/report.h"
+#include "client/run/view_scene.h"
 
 namespace candela {
 

@@ -1,3 +1,3 @@
 # The sources of host_bits, for this build and for tests/bits/cross.
-set(host_bits_sources host_bits.cc render_frame.cc frame_cases.cc exposure_cases.cc view_cases.cc tables.cc
-                      ../support/scenes.cc ../../server/session/exposure_track.cc)
+set(host_bits_sources ../../server/session/exposure_track.cc ../support/scenes.cc exposure_cases.cc
+                      frame_cases.cc host_bits.cc render_frame.cc tables.cc view_cases.cc)

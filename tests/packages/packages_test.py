@@ -52,7 +52,7 @@ MODULES = {"cv2": "python3-opencv", "grpc": "python3-grpcio", "h2": "python3-h2"
            "google": "python3-protobuf", "kubernetes": "python3-kubernetes", "matplotlib": "python3-matplotlib", "numpy": "python3-numpy",
            "PyOpenColorIO": "python3-pyopencolorio", "setuptools": "python3-setuptools", "yaml": "python3-kubernetes"}
 # What these files do without, and say so.
-OPTIONAL = {("client/run/images/film_file.cc", "ffmpeg"), ("deploy/install-packages.sh", "sudo"),
+OPTIONAL = {("client/run/film.cc", "ffmpeg"), ("deploy/install-packages.sh", "sudo"),
             ("tests/deploy/kube_test.py", "kubectl"), ("tests/interop/ktx_parse/run.sh", "node"),
             ("tests/interop/ktx_parse/run.sh", "npm"), ("tests/recipes/recipes_test.py", "node")}
 # Each of these starts programs a1, a2 ... and none that is called "no".

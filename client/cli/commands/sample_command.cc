@@ -12,8 +12,7 @@
 #include "client/image/encodings.h"
 #include "client/image/sample.h"
 #include "client/run/output_files.h"
-#include "client/run/picture/scene_image.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "client/run/exposure/exposure_file.h"
+#include "client/run/exposure_file.h"
 
 namespace candela {
 

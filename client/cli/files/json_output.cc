@@ -18,7 +18,7 @@
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/terminal.h"
 #include "client/run/output_files.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

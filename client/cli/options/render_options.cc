@@ -18,8 +18,8 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
+#include "client/run/hdr_gain_map.h"
 #include "client/run/output_files.h"
-#include "client/run/picture/hdr_gain_map.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 

@@ -11,9 +11,8 @@
 #include "client/base/number_words.h"
 #include "client/cli/files/failure_line.h"
 #include "client/cli/files/terminal.h"
-#include "client/run/picture/error_map.h"
-#include "client/run/picture/frame_notes.h"
-#include "client/run/picture/picture_size.h"
+#include "client/run/frame_files.h"
+#include "client/run/picture_error.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

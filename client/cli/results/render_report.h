@@ -13,7 +13,7 @@
 #include "candela/v1/render.pb.h"
 #include "client/cli/files/json_output.h"
 #include "client/color/view_error.h"
-#include "client/run/picture/primaries_used.h"
+#include "client/run/frame_files.h"
 #include "client/run/report.h"
 
 namespace candela {

@@ -10,10 +10,10 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "client/base/failure.h"
-#include "client/run/exposure/exposure_file.h"
-#include "client/run/picture/primaries_used.h"
+#include "client/run/exposure_file.h"
+#include "client/run/frame_files.h"
 #include "client/run/report.h"
-#include "client/run/sequence/sequence.h"
+#include "client/run/sequence.h"
 #include "client/session.h"
 
 namespace candela {

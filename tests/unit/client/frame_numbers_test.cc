@@ -8,8 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "client/base/usage.h"
-#include "client/run/sequence/sequence.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "proto/candela/v1/limits.h"
 #include "tests/support/status.h"
 

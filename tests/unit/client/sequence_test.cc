@@ -1,5 +1,5 @@
 // The frames of a sequence: numbers in names, ranges, gaps, cuts and media times.
-#include "client/run/sequence/sequence.h"
+#include "client/run/sequence.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "client/base/usage.h"
-#include "client/run/sequence/sequence_files.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 

@@ -18,11 +18,10 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/results/run_display.h"
 #include "client/image/sample.h"
+#include "client/run/frame_files.h"
 #include "client/run/output_files.h"
-#include "client/run/picture/frame_files.h"
 #include "client/run/report.h"
-#include "client/run/server/option_words.h"
-#include "client/run/server/server_link.h"
+#include "client/run/server_link.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -23,11 +23,11 @@
 #include "client/cli/options/idle_options.h"
 #include "client/cli/results/run_display.h"
 #include "client/image/encodings.h"
-#include "client/run/frame_run.h"
 #include "client/run/images/contact_sheet.h"
 #include "client/run/output_files.h"
+#include "client/run/picture_run.h"
 #include "client/run/run.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -24,15 +24,12 @@
 #include "client/environment/environment_files.h"
 #include "client/environment/pictures.h"
 #include "client/image/write/atomic_file.h"
+#include "client/run/frame_files.h"
 #include "client/run/output_files.h"
-#include "client/run/panorama/environment_from_bake.h"
-#include "client/run/panorama/environment_preview.h"
-#include "client/run/panorama/panorama_file.h"
-#include "client/run/picture/frame_files.h"
-#include "client/run/picture/frame_notes.h"
+#include "client/run/panorama_file.h"
 #include "client/run/report.h"
 #include "client/run/run.h"
-#include "client/run/server/option_words.h"
+#include "client/run/server_link.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "candela/v1/render.pb.h"
+#include "client/run/frame_files.h"
 #include "client/run/options.h"
-#include "client/run/picture/primaries_used.h"
 #include "client/run/report.h"
 
 namespace candela {

@@ -21,7 +21,7 @@
 #include "client/base/system_failure.h"
 #include "client/base/usage.h"
 #include "client/cli/files/failure_line.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -10,9 +10,9 @@
 #include "client/cli/files/json_output.h"
 #include "client/cli/files/terminal.h"
 #include "client/cli/results/render_report.h"
-#include "client/run/frame_run.h"
 #include "client/run/options.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/picture_run.h"
+#include "client/run/sequence.h"
 
 namespace candela {
 

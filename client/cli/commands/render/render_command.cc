@@ -16,10 +16,10 @@
 #include "client/cli/results/render_report.h"
 #include "client/cli/results/run_display.h"
 #include "client/image/encodings.h"
-#include "client/run/frame_run.h"
 #include "client/run/output_files.h"
+#include "client/run/picture_run.h"
 #include "client/run/run.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

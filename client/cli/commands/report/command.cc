@@ -27,13 +27,12 @@
 #include "client/cli/options/command_line.h"
 #include "client/cli/options/report_options.h"
 #include "client/cli/results/run_display.h"
+#include "client/image/sample.h"
+#include "client/run/frame_files.h"
 #include "client/run/output_files.h"
-#include "client/run/panorama/panorama_file.h"
-#include "client/run/picture/error_map.h"
-#include "client/run/picture/frame_files.h"
-#include "client/run/picture/scene_image.h"
-#include "client/run/server/option_words.h"
-#include "client/run/server/server_link.h"
+#include "client/run/panorama_file.h"
+#include "client/run/picture_error.h"
+#include "client/run/server_link.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -8,10 +8,9 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/report/samples.h"
-#include "client/run/panorama/environment_from_bake.h"
-#include "client/run/panorama/environment_preview.h"
-#include "client/run/panorama/view_objects.h"
-#include "client/run/picture/frame_files.h"
+#include "client/run/frame_files.h"
+#include "client/run/panorama_file.h"
+#include "client/run/view_scene.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -9,8 +9,8 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "client/cli/commands/report/samples.h"
-#include "client/run/picture/file_error.h"
-#include "client/run/picture/frame_files.h"
+#include "client/run/frame_files.h"
+#include "client/run/picture_error.h"
 #include "server/base/status_macros.h"
 #include "server/encode/image_file.h"
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "client/run/picture/error_map.h"
+#include "client/run/picture_error.h"
 
 namespace candela {
 namespace {

@@ -10,7 +10,6 @@
 #include <limits>
 
 #include "client/image/sample.h"
-#include "client/run/picture/scene_image.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -20,13 +20,10 @@
 #include "client/cli/results/render_report.h"
 #include "client/cli/results/run_display.h"
 #include "client/cli/results/stream_report.h"
+#include "client/run/frame_files.h"
 #include "client/run/output_files.h"
-#include "client/run/picture/frame_alpha.h"
-#include "client/run/picture/frame_files.h"
-#include "client/run/picture/frame_notes.h"
-#include "client/run/picture/primaries_used.h"
 #include "client/run/run.h"
-#include "client/run/server/option_words.h"
+#include "client/run/server_link.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

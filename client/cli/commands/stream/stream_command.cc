@@ -23,10 +23,9 @@
 #include "client/cli/results/stream_report.h"
 #include "client/image/encodings.h"
 #include "client/image/write/standard_output.h"
-#include "client/run/exposure/shot_exposures.h"
+#include "client/run/exposure_file.h"
 #include "client/run/output_files.h"
 #include "client/run/sequence_run.h"
-#include "client/run/stream_plan.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -23,10 +23,9 @@
 #include "client/cli/results/stream_report.h"
 #include "client/image/encodings.h"
 #include "client/run/output_files.h"
-#include "client/run/panorama/view_objects.h"
-#include "client/run/panorama/view_scene.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "client/run/view_run.h"
+#include "client/run/view_scene.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -13,9 +13,9 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
-#include "client/run/panorama/view_scene.h"
-#include "client/run/sequence/frame_numbers.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/frame_numbers.h"
+#include "client/run/sequence.h"
+#include "client/run/view_scene.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 

@@ -17,7 +17,7 @@
 #include "client/cli/options/picture/size_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
-#include "client/run/picture/frame_files.h"
+#include "client/run/frame_files.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"
 #include "server/base/words/near_words.h"

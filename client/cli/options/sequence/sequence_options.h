@@ -4,7 +4,7 @@
 #include <CLI/App.hpp>
 #include <string>
 
-#include "client/run/sequence/sequence.h"
+#include "client/run/sequence.h"
 
 namespace candela {
 

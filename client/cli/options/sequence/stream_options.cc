@@ -17,7 +17,7 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/options/words/option_kinds.h"
 #include "client/image/encodings.h"
-#include "client/run/sequence/sequence_files.h"
+#include "client/run/sequence.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 

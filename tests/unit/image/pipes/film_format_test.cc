@@ -1,6 +1,4 @@
 // The command lines of films, and HDR films by the ffmpeg that is installed.
-#include "client/run/images/film_format.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +10,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_join.h"
+#include "client/run/film.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 
