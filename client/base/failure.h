@@ -10,7 +10,7 @@
 namespace candela {
 
 // A status carries its kind from where the error is made to the end of the command, which turns it into an
-// exit code (client/cli/files/failure_line.h).
+// exit code (client/cli/terminal.h).
 enum class FailureKind {
   kOther,   // this machine lacks memory, threads or a program; or several failures of several kinds
   kUsage,   // the command line is wrong

@@ -11,7 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
 #include "client/base/usage.h"
-#include "client/cli/options/words/option_kinds.h"
+#include "client/cli/options/option_kinds.h"
 #include "server/base/net/address.h"
 #include "server/base/status_macros.h"
 #include "server/base/words/variables.h"
@@ -19,7 +19,7 @@
 namespace candela {
 namespace {
 
-constexpr char kOption[] = "--server";
+constexpr char kServerOption[] = "--server";
 
 // Parses "ADDRESS,ADDRESS,..." of `source` into the first address and the others.
 absl::Status set_servers(const std::string& source, const std::string& text, ServerChoice& choice) {
@@ -40,7 +40,7 @@ absl::Status set_servers(const std::string& source, const std::string& text, Ser
 std::function<absl::Status(const std::string&)> set_server(ServerChoice& choice) {
   return [&choice](const std::string& address) {
     choice.address = with_default_port(address);
-    choice.source = kOption;
+    choice.source = kServerOption;
     return absl::OkStatus();
   };
 }
@@ -83,7 +83,7 @@ absl::Status take_variable(ServerChoice& choice) {
 
 void add_server_options(CLI::App& app, ServerChoice& choice) {
   add_text(
-      app, kServerSection, kOption, "ADDRESS",
+      app, kServerSection, kServerOption, "ADDRESS",
       "A running candelad, HOST[:PORT] or unix:PATH (default: $CANDELA_SERVER, or else a server built into "
       "this process)",
       set_server(choice));
@@ -92,10 +92,10 @@ void add_server_options(CLI::App& app, ServerChoice& choice) {
 
 void add_servers_options(CLI::App& app, ServerChoice& choice) {
   add_text(
-      app, kServerSection, kOption, "ADDRESS[,...]",
+      app, kServerSection, kServerOption, "ADDRESS[,...]",
       "Running candelads, HOST[:PORT] or unix:PATH: the first that answers, and the next one if it is lost "
       "(default: $CANDELA_SERVER, or else a server built into this process)",
-      [&choice](const std::string& text) { return set_servers(kOption, text, choice); });
+      [&choice](const std::string& text) { return set_servers(kServerOption, text, choice); });
   choice.takes_several = true;
   add_number(app, kServerSection, "--resume", "SECONDS", {0, kSeconds.max},
              absl::ToDoubleSeconds(choice.resume_limit),
@@ -127,7 +127,7 @@ void add_transport_option(CLI::App& app, ServerChoice& choice) {
 
 void add_running_server_option(CLI::App& app, const std::string& section, ServerChoice& choice) {
   add_text(
-      app, section, kOption, "ADDRESS",
+      app, section, kServerOption, "ADDRESS",
       absl::StrFormat("The candelad to ask, HOST[:PORT] or unix:PATH (default: $CANDELA_SERVER, or else %s)",
                       kDefaultAddress),
       set_server(choice));
@@ -176,7 +176,7 @@ absl::Status finish_server_options(ServerChoice& choice) {
 }
 
 absl::Status name_source(const absl::Status& status, const ServerChoice& choice) {
-  if (status.ok() || choice.source.empty() || choice.source == kOption) return status;
+  if (status.ok() || choice.source.empty() || choice.source == kServerOption) return status;
   bool named = absl::StrContains(status.message(), choice.address);
   for (const std::string& other : choice.others) named |= absl::StrContains(status.message(), other);
   if (!named) return status;

@@ -1,18 +1,33 @@
 #include "client/cli/commands/report/errors.h"
 
-#include <algorithm>
-#include <cmath>
-#include <utility>
+#include <half.h>
+#include <lcms2.h>
 
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/number_words.h"
-#include "client/cli/commands/report/pictures.h"
-#include "client/cli/commands/report/samples.h"
+#include "client/cli/commands/report/scenes.h"
+#include "client/cli/commands/report/session.h"
+#include "client/run/frame_files.h"
+#include "client/run/picture_error.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
+#include "server/encode/image_file.h"
 
 namespace candela {
 namespace {
@@ -285,6 +300,315 @@ absl::StatusOr<Json> measure_curves(const ReportSession& session) {
       row = verified_row(session, std::move(row), settings, frame, std::nullopt);
       rows.push_back(timed_row(session, std::move(row), settings, timed));
     }
+  }
+  return rows;
+}
+
+namespace {
+
+constexpr char kReference[] = "aces-1";
+constexpr const char* kFits[] = {"aces-narkowicz", "aces-hill"};
+constexpr double kFullScale = 65535;
+
+using Codes = std::array<uint16_t, 4>;
+
+Codes pixel(const RenderResult& result, size_t i) {
+  Codes codes;
+  std::memcpy(codes.data(), result.data.get() + i * sizeof codes, sizeof codes);
+  return codes;
+}
+
+// IEC 61966-2-1.
+double srgb_to_linear(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
+
+// The linear light of every 16-bit code.
+const std::vector<double>& light_of_codes() {
+  static const std::vector<double> table = [] {
+    std::vector<double> light(65536);
+    for (size_t i = 0; i < light.size(); ++i) light[i] = srgb_to_linear(static_cast<double>(i) / kFullScale);
+    return light;
+  }();
+  return table;
+}
+
+cmsCIELab lab_of(const Codes& codes) {
+  const std::vector<double>& light = light_of_codes();
+  const double r = light[codes[0]], g = light[codes[1]], b = light[codes[2]];
+  // The sRGB primaries. Their sum is the white point.
+  const cmsCIEXYZ xyz = {0.4123908 * r + 0.3575843 * g + 0.1804808 * b,
+                         0.2126390 * r + 0.7151687 * g + 0.0721923 * b,
+                         0.0193308 * r + 0.1191948 * g + 0.9505322 * b};
+  static constexpr cmsCIEXYZ kWhite = {0.9504559, 1.0, 1.0890578};
+  cmsCIELab lab;
+  cmsXYZ2Lab(&kWhite, &lab, &xyz);
+  return lab;
+}
+
+double codes_apart(const Codes& a, const Codes& b) {
+  int most = 0;
+  for (size_t k = 0; k < 3; ++k) most = std::max(most, std::abs(int{a[k]} - int{b[k]}));
+  return most * 255 / kFullScale;
+}
+
+// The order of `values` changes.
+Json summary(std::vector<double>& values) {
+  const auto p95 = values.begin() + static_cast<ptrdiff_t>(0.95 * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), p95, values.end());
+  return {{"max", *std::max_element(values.begin(), values.end())},
+          {"p95", *p95},
+          {"mean", std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size())}};
+}
+
+void add_distances(const RenderResult& whole, const RenderResult& approximation, Json& row) {
+  const size_t pixels = whole.bytes / sizeof(Codes);
+  std::vector<double> codes(pixels), delta_e(pixels);
+  for (size_t i = 0; i < pixels; ++i) {
+    const Codes a = pixel(whole, i), b = pixel(approximation, i);
+    codes[i] = codes_apart(a, b);
+    const cmsCIELab lab_a = lab_of(a), lab_b = lab_of(b);
+    delta_e[i] = codes[i] == 0 ? 0 : cmsCIE2000DeltaE(&lab_a, &lab_b, 1, 1, 1);
+  }
+  row["pixels"] = pixels;
+  row["codes"] = summary(codes);
+  row["delta_e"] = summary(delta_e);
+}
+
+// Renders one set of colours with every curve and tier.
+class ColorSet {
+ public:
+  ColorSet(const ReportSession& session, std::string name, const Image& frame, bool metered)
+      : session_(session), name_(std::move(name)), frame_(frame), metered_(metered) {}
+
+  void add_rows(v1::ToneCurve whole_curve, Json& rows) const {
+    const std::string best = session_.most_accurate_tier();
+    const absl::StatusOr<RenderResult> whole = render(whole_curve, best);
+    const auto add = [&](const std::string& word, v1::ToneCurve curve, const std::string& tier) {
+      Json row = {{"curve", word}, {"tier", tier}, {"set", name_}};
+      const absl::StatusOr<RenderResult> approximation = whole.ok() ? render(curve, tier) : whole.status();
+      if (approximation.ok()) {
+        add_distances(*whole, *approximation, row);
+      } else {
+        row["error"] = std::string(approximation.status().message());
+      }
+      rows.push_back(std::move(row));
+    };
+    for (const char* word : kFits) {
+      if (const std::optional<v1::ToneCurve> curve = session_.curve(word)) add(word, *curve, best);
+    }
+    for (const std::string& tier : session_.tiers()) {
+      if (tier != best) add(kReference, whole_curve, tier);
+    }
+  }
+
+ private:
+  absl::StatusOr<RenderResult> render(v1::ToneCurve curve, const std::string& tier) const {
+    v1::Settings settings = ReportSession::settings(tier);
+    settings.set_curve(curve);
+    settings.mutable_bloom()->set_intensity(0);
+    settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
+    if (!metered_) settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+    return session_.render(settings, frame_);
+  }
+
+  const ReportSession& session_;
+  const std::string name_;
+  const Image& frame_;
+  const bool metered_;
+};
+
+}  // namespace
+
+absl::StatusOr<Json> compare_aces(const ReportSession& session, const std::vector<ReportImage>& images) {
+  Json comparison = {{"tier", session.most_accurate_tier()}, {"reference", kReference}};
+  const std::optional<v1::ToneCurve> reference = session.curve(kReference);
+  if (!reference) {
+    comparison["missing"] = absl::StrFormat(
+        "this server does not have curve %s, the whole ACES 1 transform, to compare the approximations with",
+        kReference);
+    return comparison;
+  }
+  session.show("ACES: charts");
+  ASSIGN_OR_RETURN(const std::vector<Chart> charts, color_charts());
+  Json rows = Json::array();
+  for (const Chart& chart : charts)
+    ColorSet(session, chart.name, chart.frame, false).add_rows(*reference, rows);
+  for (const ReportImage& image : images) {
+    session.show("ACES: " + image.name);
+    ColorSet(session, image.name, image.image, true).add_rows(*reference, rows);
+  }
+  comparison["rows"] = std::move(rows);
+  return comparison;
+}
+
+namespace {
+
+// The largest error of a stage so far.
+struct Worst {
+  const char* key;
+  const char* stage;
+  const char* unit;
+  double bound;
+  double measured = 0;
+  std::string where = "nowhere";
+
+  void look_at(const std::string& name, const Json& row) {
+    const double error = row[key].is_number() ? row[key].get<double>() : INFINITY;
+    if (error < measured || (error == measured && where != "nowhere")) return;
+    measured = error;
+    where = name;
+  }
+
+  Json json() const {
+    return {{"stage", stage}, {"unit", unit},           {"bound", bound}, {"measured", json_number(measured)},
+            {"where", where}, {"ok", measured <= bound}};
+  }
+};
+
+// Smaller frames do not count for the share of differing components: one component is a third of a 1x1 frame.
+constexpr double kCountedComponents = 1000;
+
+}  // namespace
+
+absl::StatusOr<Json> measure_ingest(const ReportSession& session) {
+  session.show("ingest: every half");
+  ASSIGN_OR_RETURN(const Image frame, every_half());
+  v1::Settings settings = ReportSession::settings(session.bounded_tier());
+  settings.set_curve(v1::TONE_CURVE_LINEAR);
+  settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
+  settings.mutable_bloom()->set_intensity(0);
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  ASSIGN_OR_RETURN(const RenderResult result, session.render(settings, frame));
+  Worst worst = {"codes", "ingest: every half, NaN and Inf among them", "codes", 0};
+  for (size_t half = 0; half < pixel_count(result); ++half) {
+    const float in = imath_half_to_float(static_cast<uint16_t>(half));
+    const float light = std::isnan(in) ? 0 : std::clamp(in, 0.0f, 1.0f);
+    for (size_t k = 0; k < 3; ++k) {
+      const double codes = 255 * std::abs(double{component(result, half, k)} - double{light});
+      if (codes != 0) worst.look_at(absl::StrFormat("half 0x%04x", half), {{"codes", json_number(codes)}});
+    }
+  }
+  if (worst.measured == 0) worst.where = "all 65536 exact";
+  return worst.json();
+}
+
+Json judge_stages(const ReportSession& session, const Measured& measured) {
+  Worst stages[] = {{"meter_error_ev", "metering", "EV", 8e-6},
+                    {"bloom_error", "bloom, relative to its largest value", "fraction", 0x1p-9},
+                    {"max_error_codes", "whole frame, largest error", "codes", 0.5},
+                    {"p999_error_codes", "whole frame, 99.9 % of the pixels", "codes", 0.05},
+                    {"differing_components", "components differing once quantised", "fraction", 2e-3}};
+  const auto look = [&](const std::string& name, const Json& row, double pixels) {
+    if (row["tier"] != session.bounded_tier() || row.contains("error")) return;
+    for (Worst& stage : stages) {
+      // The share is of components of 8 bits; an HDR display has 16.
+      const bool is_share = stage.key == stages[4].key;
+      if (!is_share || (3 * pixels >= kCountedComponents && !row.contains("display")))
+        stage.look_at(name, row);
+    }
+  };
+  const auto pixels = [](const Json& row) {
+    return row["width"].get<double>() * row["height"].get<double>();
+  };
+  for (const Json* rows : {&measured.hard_cases, &measured.curves}) {
+    for (const Json& row : *rows) look(row["case"], row, pixels(row));
+  }
+  for (const Json& image : measured.images) {
+    for (const Json& row : image["maps"]) look(image["name"], row, pixels(image));
+  }
+  Json judged = Json::array();
+  for (const Worst& stage : stages) judged.push_back(stage.json());
+  return judged;
+}
+
+namespace {
+
+constexpr int kRepeats = 3;
+constexpr double kGainMapNits = 1000;
+
+struct FileKind {
+  const char* name;
+  const char* extension;
+  v1::Transfer transfer = v1::TRANSFER_SRGB;
+  bool wide = false;  // made from 16 bits
+  int quality = 92;
+  bool gain_map = false;
+};
+
+constexpr FileKind kKinds[] = {
+    {.name = "PNG, 8 bits", .extension = ".png"},
+    {.name = "PNG, 16 bits", .extension = ".png", .wide = true},
+    {.name = "JPEG, quality 92", .extension = ".jpg"},
+    {.name = "JPEG, quality 75", .extension = ".jpg", .quality = 75},
+    {.name = "JPEG, quality 92, with a gain map", .extension = ".jpg", .gain_map = true},
+    {.name = "AVIF, quality 92", .extension = ".avif", .wide = true},
+    {.name = "PNG, 16 bits, PQ", .extension = ".png", .transfer = v1::TRANSFER_PQ, .wide = true},
+    {.name = "AVIF, quality 92, PQ", .extension = ".avif", .transfer = v1::TRANSFER_PQ, .wide = true},
+};
+
+struct Rendered {
+  Image picture;
+  WriteOptions options;
+};
+
+absl::StatusOr<Rendered> render(const ReportSession& session, const ReportImage& image,
+                                const FileKind& kind) {
+  v1::Settings settings = ReportSession::settings(session.bounded_tier());
+  settings.set_transfer(kind.transfer);
+  settings.set_output_format(kind.wide ? v1::OUTPUT_FORMAT_RGBA16 : v1::OUTPUT_FORMAT_RGBA8);
+  if (kind.gain_map) settings.set_gain_map_peak_nits(kGainMapNits);
+  ASSIGN_OR_RETURN(RenderResult result, session.render(settings, image.image));
+  WriteOptions options;
+  options.transfer = encoded_transfer(settings);
+  options.hdr = hdr_display(settings, 0, 0);
+  options.jpeg_quality = kind.quality;
+  options = write_options_for(std::move(options), result.header);
+  return Rendered{picture_of(std::move(result), false, 1), std::move(options)};
+}
+
+absl::StatusOr<Json> row_of(const ReportSession& session, const ReportImage& image, const FileKind& kind,
+                            const std::string& folder) {
+  ASSIGN_OR_RETURN(const Rendered rendered, render(session, image, kind));
+  FileKind whole = kind;  // with 16 bits, which the file is compared with
+  whole.wide = true;
+  whole.gain_map = false;
+  ASSIGN_OR_RETURN(const Rendered truth, render(session, image, whole));
+  const std::string path = absl::StrCat(folder, "/file_kind", kind.extension);
+  const absl::Cleanup remove = [&path] {
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+  };
+  std::vector<double> write, read;
+  for (int i = 0; i < kRepeats; ++i) {
+    const auto begin = std::chrono::steady_clock::now();
+    RETURN_IF_ERROR(write_image(path, rendered.picture, rendered.options).status());
+    write.push_back(ms_since(begin));
+    const auto written = std::chrono::steady_clock::now();
+    RETURN_IF_ERROR(read_codes(path).status());
+    read.push_back(ms_since(written));
+  }
+  ASSIGN_OR_RETURN(const Image codes, read_codes(path));
+  ASSIGN_OR_RETURN(const FileError error, error_of_file(path, codes, truth.picture));
+  return Json{{"kind", kind.name},
+              {"width", truth.picture.width},
+              {"height", truth.picture.height},
+              {"write_ms", spread(write)},
+              {"read_ms", spread(read)},
+              {"bytes", std::filesystem::file_size(path)},
+              {"max_codes", error.max_codes},
+              {"p999_codes", error.p999_codes},
+              {"mean_codes", error.mean_codes}};
+}
+
+}  // namespace
+
+absl::StatusOr<Json> measure_files(const ReportSession& session, const ReportImage& image,
+                                   const std::string& folder) {
+  Json rows = Json::array();
+  for (const FileKind& kind : kKinds) {
+    session.show(absl::StrCat("file: ", kind.name));
+    absl::StatusOr<Json> row = row_of(session, image, kind, folder);
+    if (!row.ok()) row = Json{{"kind", kind.name}, {"error", std::string(row.status().message())}};
+    rows.push_back(*std::move(row));
   }
   return rows;
 }

@@ -31,4 +31,34 @@ std::string error_map_name(size_t image, const std::string& tier);
 // PQ and HLG.
 absl::StatusOr<Json> measure_curves(const ReportSession& session);
 
+// Measures how far the ACES approximations (the fits, and the
+// tables of the cheaper tiers) are from the whole transform.
+
+// Returns `aces` of docs/report/format.md.
+absl::StatusOr<Json> compare_aces(const ReportSession& session, const std::vector<ReportImage>& images);
+
+// The bounds of a report: each stage's largest error against the bound that docs/pipeline.md promises.
+// docs/report/format.md describes the rows.
+
+// The first row of `stage_errors`: renders every half as linear
+// light and compares it with the rules of the pipeline.
+absl::StatusOr<Json> measure_ingest(const ReportSession& session);
+
+// The measurements that are compared with the bounds, at bounded_tier().
+struct Measured {
+  const Json& hard_cases;
+  const Json& curves;
+  const Json& images;
+};
+
+// The other rows of `stage_errors`.
+Json judge_stages(const ReportSession& session, const Measured& measured);
+
+// The kinds of files: what each costs to write and read, and what it loses. docs/report/format.md describes
+// the rows.
+
+// Rows of `files`, of one image at bounded_tier(). Writes into `folder` and removes what it wrote.
+absl::StatusOr<Json> measure_files(const ReportSession& session, const ReportImage& image,
+                                   const std::string& folder);
+
 }  // namespace candela

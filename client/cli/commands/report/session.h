@@ -2,14 +2,16 @@
 // report: rendering, tiers, curves and progress.
 #pragma once
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "client/cli/files/terminal.h"
+#include "client/cli/terminal.h"
 #include "client/connection.h"
 #include "client/image/image.h"
 
@@ -68,5 +70,27 @@ double device_ms(const Stages& stages);
 // The size of a result in pixels, and component `k` of its pixel `i`; codes are 0 .. 1.
 size_t pixel_count(const RenderResult& result);
 float component(const RenderResult& result, size_t i, size_t k);
+
+// The times of several frames or bakes, and their spread.
+
+double ms_since(std::chrono::steady_clock::time_point begin);
+
+// Interpolates linearly between neighbouring values; `values` is not empty.
+double quantile(std::vector<double> values, double q);
+
+// {p10, median, p90} of docs/report/format.md.
+Json spread(const std::vector<double>& values);
+
+// The times of each device stage over several runs.
+class StageTimes {
+ public:
+  void add(const Stages& stages);
+
+  // Rows of `name` and `ms`, in execution order.
+  Json json() const;
+
+ private:
+  std::vector<std::pair<std::string, std::vector<double>>> stages_;
+};
 
 }  // namespace candela

@@ -2,11 +2,14 @@
 // docs/report/format.md describes the rows.
 #pragma once
 
+#include <memory>
+#include <string>
 #include <vector>
 
 #include "absl/time/time.h"
 #include "client/cli/commands/report/scenes.h"
 #include "client/cli/commands/report/session.h"
+#include "client/environment.h"
 
 namespace candela {
 
@@ -22,5 +25,33 @@ Json measure_times(const ReportSession& session, const TimePlan& plan);
 
 // `scenes`: scenes and settings at the largest planned size of at most 2 megapixels.
 Json measure_scenes(const ReportSession& session, const TimePlan& plan);
+
+// The environments of a report: the time and the error of bakes by tier, and pictures of what is baked.
+// docs/report/format.md describes the rows.
+
+struct ReportPanorama {
+  std::string name;
+  std::shared_ptr<const Panorama> panorama;
+};
+
+struct BakePlan {
+  bool quick = false;
+  absl::Time deadline = absl::InfiniteFuture();  // no bake begins after it
+  std::string folder;                            // of the pictures
+};
+
+struct EnvironmentRows {
+  Json environments = Json::array();
+  Json bakes = Json::array();
+};
+
+// `environments` and `bakes`. Writes the pictures. Fails only if they cannot be written.
+absl::StatusOr<EnvironmentRows> measure_environments(const ReportSession& session,
+                                                     const std::vector<ReportPanorama>& panoramas,
+                                                     const BakePlan& plan);
+
+// The pictures of a panorama in that folder; panoramas are counted from 1.
+std::string levels_name(size_t panorama);
+std::string lookdev_name(size_t panorama);
 
 }  // namespace candela
