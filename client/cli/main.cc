@@ -21,7 +21,7 @@
 #include "client/cli/json_output.h"
 #include "client/cli/options/server_options.h"
 #include "client/cli/terminal.h"
-#include "client/image/write/temporary_path.h"
+#include "client/image/write/atomic_file.h"
 #include "client/run/embedded_server.h"
 #include "client/run/film.h"
 #include "client/run/output_files.h"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "client/image/pixel_buffer.h"
+#include "client/image/image.h"
 
 namespace candela {
 

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
+#include "client/image/color.h"
 #include "client/image/describe.h"
-#include "client/image/primaries.h"
 #include "client/image/read/file_reader.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"

@@ -1,26 +1,65 @@
-// Reads and writes image files: reads OpenEXR, Radiance .hdr, PFM, PNG, AVIF and JPEG;
-// client/image/encodings.h lists what it writes.
-//
-// It needs no network and no device. Any thread may call these functions, also at once on different images.
-// OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
-// default is none.
+// An image in memory, and image files in and out.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/image/frame_rate.h"
-#include "client/image/pixel_buffer.h"
+#include "server/base/process/pixel_memory.h"
 #include "server/encode/picture.h"
 
 namespace candela {
+
+struct FrameRate {
+  uint64_t frames = 24;  // at least 1
+  uint64_t seconds = 1;  // at least 1
+
+  bool operator==(const FrameRate& other) const = default;
+};
+
+// The bytes of an image.
+//
+// Move-only; not thread-safe. A buffer that could not be allocated has size() 0.
+class PixelBuffer {
+ public:
+  PixelBuffer() = default;
+  // Zeros, and what is never written takes no memory. So a reader needs to fill only what the file holds.
+  explicit PixelBuffer(size_t bytes) : PixelBuffer(new_pixels(bytes), bytes) {}
+  PixelBuffer(PixelMemory memory, size_t bytes) : bytes_(std::move(memory)), size_(bytes_ ? bytes : 0) {}
+  PixelBuffer(PixelBuffer&& other) noexcept
+      : bytes_(std::move(other.bytes_)), size_(std::exchange(other.size_, 0)) {}
+  PixelBuffer& operator=(PixelBuffer&& other) noexcept {
+    bytes_ = std::move(other.bytes_);
+    size_ = std::exchange(other.size_, 0);
+    return *this;
+  }
+
+  std::byte* data() { return bytes_.get(); }
+  const std::byte* data() const { return bytes_.get(); }
+  size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  std::span<const std::byte> span() const { return {data(), size_}; }
+  std::span<std::byte> span() { return {data(), size_}; }
+
+ private:
+  PixelMemory bytes_;
+  size_t size_ = 0;
+};
+
+// Reads and writes image files: reads OpenEXR, Radiance .hdr, PFM, PNG, AVIF and JPEG;
+// client/image/write/encodings.h lists what it writes.
+//
+// It needs no network and no device. Any thread may call these functions, also at once on different images.
+// OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
+// default is none.
 
 class KeptAttributes;
 struct OutputEncoding;
@@ -128,7 +167,7 @@ absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& lim
 absl::StatusOr<Image> read_image_bytes(const std::string& name, std::string bytes,
                                        const ImageLimits& limits = {}, const PictureChoice& choice = {});
 
-// Like output_encoding() in client/image/encodings.h, but also fails, without writing, if the folder is
+// Like output_encoding() in client/image/write/encodings.h, but also fails, without writing, if the folder is
 // missing or not writable or the path is a folder, a FIFO or a device. Call it before minutes of rendering.
 absl::StatusOr<const OutputEncoding*> check_output_path(const std::string& path);
 

@@ -1,12 +1,24 @@
 #include "client/image/scenes.h"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
-#include "shaders/pcg_hash.h"
+namespace candela {
+namespace {
 
-namespace candela::scenes {
+// A hash of 32-bit numbers, the source of the noise in test scenes.
 
+// PCG. Source: M. Jarzynski and M. Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
+constexpr uint32_t pcg_hash(uint32_t v) {
+  v = v * 747796405u + 2891336453u;
+  v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
+  return (v >> 22) ^ v;
+}
+
+}  // namespace
+
+namespace scenes {
 namespace {
 
 Texel natural_texel(uint32_t width, uint32_t height, uint32_t x, uint32_t y) {
@@ -136,4 +148,5 @@ std::vector<HardCase> hard_cases(uint32_t width, uint32_t height) {
   };
 }
 
-}  // namespace candela::scenes
+}  // namespace scenes
+}  // namespace candela

@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "client/image/frame_rate.h"
+#include "client/image/image.h"
 #include "client/run/options.h"
 #include "client/run/sequence.h"
 

@@ -16,7 +16,7 @@
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
 #include "client/base/usage.h"
-#include "client/image/primaries.h"
+#include "client/image/color.h"
 #include "client/run/embedded_server.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"

@@ -9,7 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "client/image/frame_rate.h"
+#include "client/image/image.h"
 #include "proto/candela/v1/limits.h"
 
 namespace candela {

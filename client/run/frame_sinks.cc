@@ -10,9 +10,8 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/image/encodings.h"
 #include "client/image/write/atomic_file.h"
-#include "client/image/write/standard_output.h"
+#include "client/image/write/encodings.h"
 #include "client/run/frame_files.h"
 #include "server/base/status_macros.h"
 

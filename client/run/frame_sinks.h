@@ -11,7 +11,6 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/image/frame_rate.h"
 #include "client/image/image.h"
 #include "client/image/write/piped_frames.h"
 #include "client/render_result.h"

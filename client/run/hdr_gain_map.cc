@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "client/image/color_interop.h"
+#include "client/image/color.h"
 #include "client/image/power.h"
 #include "client/image/read/signal.h"
 #include "server/base/check.h"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "client/image/color_interop.h"
+#include "client/image/color.h"
 #include "client/image/power.h"
 #include "client/run/frame_files.h"
 #include "server/base/status_macros.h"

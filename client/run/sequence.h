@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/image/frame_rate.h"
+#include "client/image/image.h"
 #include "client/run/frame_numbers.h"
 
 namespace candela {

@@ -17,7 +17,7 @@
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/base/usage.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/run/exposure_file.h"
 #include "client/run/file_frames.h"
 #include "client/run/film.h"

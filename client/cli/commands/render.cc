@@ -30,7 +30,7 @@
 #include "client/cli/render_report.h"
 #include "client/cli/run_display.h"
 #include "client/cli/terminal.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/run/hdr_gain_map.h"
 #include "client/run/options.h"
 #include "client/run/output_files.h"

@@ -11,7 +11,7 @@
 #include "client/cli/options/options.h"
 #include "client/cli/options/picture_options.h"
 #include "client/cli/terminal.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/run/output_files.h"
 #include "client/run/sequence.h"
 #include "server/base/status_macros.h"

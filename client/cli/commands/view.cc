@@ -27,7 +27,7 @@
 #include "client/cli/run_display.h"
 #include "client/cli/stream_report.h"
 #include "client/cli/terminal.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/run/frame_numbers.h"
 #include "client/run/options.h"
 #include "client/run/output_files.h"

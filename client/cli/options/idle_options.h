@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "candela/v1/render.pb.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/run/options.h"
 
 namespace candela {

@@ -20,7 +20,7 @@
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/settings_options.h"
 #include "client/color/view_table.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"

@@ -16,7 +16,7 @@
 #include "client/base/usage.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/picture_options.h"
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/run/frame_files.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"

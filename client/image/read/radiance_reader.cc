@@ -23,7 +23,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "client/image/primaries.h"
+#include "client/image/color.h"
 #include "client/image/read/readers.h"
 #include "server/base/status_macros.h"
 

@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
 #include "client/base/number_words.h"
-#include "client/image/primaries.h"
+#include "client/image/color.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -9,9 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/number_words.h"
-#include "client/image/color_interop.h"
+#include "client/image/color.h"
 #include "client/image/power.h"
-#include "client/image/primaries.h"
 #include "client/image/read/readers.h"
 
 namespace candela {

@@ -13,7 +13,6 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "client/image/frame_rate.h"
 #include "client/image/image.h"
 #include "client/image/read/signal.h"
 

@@ -1,5 +1,7 @@
-// Writes a file that appears complete or not at all.
+// Files that appear whole or not at all, and standard output.
 #pragma once
+
+#include <sys/types.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -11,9 +13,39 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "client/image/write/temporary_path.h"
 
 namespace candela {
+
+// A file that is removed with its writer, even if a signal ends the process.
+//
+// Owns the name of a file. Move-only; used by one thread.
+class TemporaryPath {
+ public:
+  // Creates a file with the permissions `mode` less the umask, and sets `descriptor`, open for reading and
+  // writing, for the caller to close. Returns nothing and sets errno if it cannot: EEXIST if the name is in
+  // use, EMFILE beyond 1024 such files in this process. Does not return once remove_all() was called.
+  static std::optional<TemporaryPath> create(std::string path, mode_t mode, int& descriptor);
+
+  TemporaryPath(TemporaryPath&& other) noexcept;
+  ~TemporaryPath();  // removes the file unless it was renamed
+
+  // Renames the file to `target`, over an old file, and owns it no longer. Returns false and sets errno if it
+  // cannot. Does not return if remove_all() has removed the file.
+  bool rename_to(const std::string& target);
+
+  // Removes the files of all TemporaryPaths in this process, which must end next: no other can be created.
+  // Waits up to a second for those that other threads are creating. One that takes longer may be left.
+  // Async-signal-safe.
+  static void remove_all();
+
+ private:
+  TemporaryPath(std::string path, int slot);
+
+  std::string path_;
+  int slot_;  // where remove_all() finds the path; -1 if there is nothing to remove
+};
+
+// Writes a file that appears complete or not at all.
 
 // The file is written beside its destination under a hidden name. commit() waits until it is on the disk and
 // renames it over the destination. Without commit() it is removed, and the old file stays as it was. It has
@@ -69,5 +101,15 @@ absl::StatusOr<std::string> writable_destination(const std::string& path);
 
 // The error "PATH: cannot write: REASON" for a value of errno, of the kind kOutput.
 absl::Status cannot_write(const std::string& path, int error);
+
+// Bytes to standard output, which is mostly a pipe.
+
+inline constexpr char kStdoutName[] = "standard output";
+
+// Writes all of them. Returns 0 or an errno; EPIPE if nobody reads any more.
+int write_to_stdout(const void* bytes, size_t count);
+
+// Writes all that the file of this descriptor holds.
+int copy_to_stdout(int file);
 
 }  // namespace candela

@@ -16,9 +16,9 @@
 #include <stdexcept>
 
 #include "absl/strings/str_format.h"
-#include "client/image/color_interop.h"
+#include "client/image/color.h"
 #include "client/image/kept_attributes.h"
-#include "client/image/read/exr/exr_windows.h"
+#include "client/image/read/exr_file.h"
 #include "client/image/write/writers.h"
 
 namespace candela {

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
-#include "client/image/luma_matrix.h"
+#include "client/image/color.h"
 #include "client/image/write/writers.h"
 #include "server/encode/color_words.h"
 

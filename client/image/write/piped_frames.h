@@ -15,9 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "client/image/encodings.h"
-#include "client/image/frame_rate.h"
 #include "client/image/image.h"
+#include "client/image/write/encodings.h"
 
 namespace candela {
 

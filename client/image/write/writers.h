@@ -6,8 +6,8 @@
 #include <span>
 
 #include "absl/status/status.h"
-#include "client/image/encodings.h"
 #include "client/image/write/atomic_file.h"
+#include "client/image/write/encodings.h"
 #include "server/encode/picture.h"
 
 namespace candela {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "client/image/write/writers.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"

@@ -7,7 +7,7 @@
 #include <csignal>
 #include <cstring>
 
-#include "client/image/encodings.h"
+#include "client/image/write/encodings.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"

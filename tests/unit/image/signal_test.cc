@@ -9,7 +9,7 @@
 #include <tuple>
 #include <vector>
 
-#include "client/image/primaries.h"
+#include "client/image/color.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "client/image/color.h"
 #include "client/image/power.h"
-#include "client/image/primaries.h"
 #include "client/image/read/signal.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/exr/exr_reader_fixture.h"

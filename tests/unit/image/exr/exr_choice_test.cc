@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_format.h"
+#include "client/image/color.h"
 #include "client/image/describe.h"
-#include "client/image/primaries.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/exr/exr_choice_fixture.h"
 

@@ -13,9 +13,8 @@
 #include <limits>
 #include <map>
 
-#include "client/image/color_interop.h"
+#include "client/image/color.h"
 #include "client/image/describe.h"
-#include "client/image/primaries.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/exr/exr_reader_fixture.h"
 

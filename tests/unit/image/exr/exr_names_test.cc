@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "client/image/color.h"
 #include "client/image/describe.h"
-#include "client/image/primaries.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/exr/exr_choice_fixture.h"
 

@@ -11,7 +11,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "client/image/primaries.h"
+#include "client/image/color.h"
 #include "client/image/read/image_stream.h"
 #include "client/image/write/piped_frames.h"
 #include "tests/support/files.h"

@@ -11,8 +11,7 @@
 #include <OpenEXR/ImfInputPart.h>
 
 #include "client/image/image.h"
-#include "client/image/read/exr/exr_channels.h"
-#include "client/image/read/exr/exr_windows.h"
+#include "client/image/read/exr_file.h"
 
 namespace candela {
 

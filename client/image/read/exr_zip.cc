@@ -1,4 +1,4 @@
-#include "client/image/read/exr/zip/zip_rows.h"
+#include "client/image/read/exr_zip.h"
 
 #include <OpenEXR/Iex.h>
 #include <OpenEXR/IlmThreadPool.h>
@@ -20,8 +20,8 @@
 #include <string>
 
 #include "absl/strings/str_format.h"
-#include "client/image/read/exr/exr_checks.h"
-#include "client/image/read/exr/zip/zip_kernels.h"
+#include "client/image/read/exr_file.h"
+#include "client/image/read/exr_zip_kernels.h"
 
 namespace candela {
 namespace {

@@ -1,11 +1,11 @@
-#include "client/image/read/exr/zip/zip_kernels.h"
+#include "client/image/read/exr_zip_kernels.h"
 
 #include <cstring>
 
 // What is left: the baseline, SSE4, AVX2, AVX-512 and NEON.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "client/image/read/exr/zip/zip_kernels.cc"
+#define HWY_TARGET_INCLUDE "client/image/read/exr_zip_kernels.cc"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
