@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "client/call/incoming_bands.h"
 #include "client/call/raw_call.h"
+#include "client/call/result_reader.h"
 #include "client/connection.h"
 #include "proto/candela/v1/environment_id.h"
 #include "proto/candela/v1/limits.h"

@@ -4,9 +4,7 @@
 #include <random>
 
 #include "absl/strings/str_format.h"
-#include "client/call/retry/retry_by.h"
-#include "client/call/retry/retry_info.h"
-#include "client/call/retry/retry_schedule.h"
+#include "client/call/retry_schedule.h"
 
 namespace candela {
 namespace {

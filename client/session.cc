@@ -7,11 +7,10 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "client/call/memory/session_memory.h"
+#include "client/call/duplex_call.h"
+#include "client/call/shared_memory.h"
 #include "client/call/wire.h"
-#include "client/channel_servers.h"
 #include "client/session_driver.h"
-#include "client/session_state.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "server/base/clock.h"
 #include "server/base/process/pixel_memory.h"

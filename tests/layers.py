@@ -33,7 +33,7 @@ DOORS = {"client/run/embedded_server.cc": ["server", "server/base"],
 TIME = re.compile(r"\babsl::Now\(|_clock::now\(|\bSleepFor\(|\bthis_thread::sleep_|\b\w*[a-z]With(?:Timeout|Deadline)\("
                   r"|\b(?:Steady|Clock)::now\(|\bclock_gettime\(|\bgettimeofday\(|\btime\(nullptr\)|\bgrpc::Alarm\b")
 READS_TIME = {"server/base/clock.cc",
-              "client/retry.cc", "client/call/call_queue.h", "client/call/call_queue.cc",  # the user's notification; gRPC's queue
+              "client/retry.cc", "client/call/duplex_call.h", "client/call/duplex_call.cc",  # the user's notification; gRPC's queue
               "server/alarm_timers.cc", "server/server.cc",  # gRPC takes dates of its own clock
               "server/base/log.cc", "server/rpc/grpc_log.cc",  # the log
               "server/base/metrics.cc", "server/base/process_metrics.cc",  # when the process started

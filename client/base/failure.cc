@@ -1,8 +1,13 @@
 #include "client/base/failure.h"
 
+#include <new>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/cord.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "server/base/words/near_words.h"
 
 namespace candela {
 namespace {
@@ -47,6 +52,38 @@ absl::Status reworded(const absl::Status& status, absl::string_view words) {
 void add_failure(std::optional<FailureKind>& all, const absl::Status& one) {
   const FailureKind kind = kind_of(one);
   all = all.value_or(kind) == kind ? kind : FailureKind::kOther;
+}
+
+absl::Status system_failure(const std::exception& error) {
+  if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) {
+    return absl::ResourceExhaustedError(
+        "out of memory; render a smaller image, or give this process more memory (ulimit -v)");
+  }
+  const auto* const system = dynamic_cast<const std::system_error*>(&error);
+  if (system != nullptr && system->code() == std::errc::resource_unavailable_try_again) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "cannot start a thread: %s; allow this process more threads or memory (ulimit -u, ulimit -v)",
+        system->code().message()));
+  }
+  return absl::InternalError(error.what());
+}
+
+absl::Status usage_error(const std::string& message) {
+  return failure_of(FailureKind::kUsage, absl::InvalidArgumentError(message));
+}
+
+bool is_usage_error(const absl::Status& status) { return kind_of(status) == FailureKind::kUsage; }
+
+absl::Status empty_value(const std::string& option) {
+  return usage_error(absl::StrFormat("%s is empty; leave it out or give it a value", option));
+}
+
+absl::Status unknown_word(const std::string& what, const std::string& typed,
+                          const std::vector<std::string>& words) {
+  const std::string meant = did_you_mean(near_words(typed, words));
+  return usage_error(
+      absl::StrFormat("unknown %s \"%s\"; %s %s", what, typed,
+                      meant.empty() ? "there are:" : meant + " There are:", absl::StrJoin(words, ", ")));
 }
 
 }  // namespace candela

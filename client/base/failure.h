@@ -1,8 +1,10 @@
 // What a failure is about, so that a program can tell a damaged file from a full disk and from a lost server.
 #pragma once
 
+#include <exception>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
@@ -40,5 +42,24 @@ absl::Status reworded(const absl::Status& status, absl::string_view words);
 
 // The kind of several failures, one after the other: their common kind, or kOther.
 void add_failure(std::optional<FailureKind>& all, const absl::Status& one);
+
+// Errors for memory and threads that this process could not get.
+
+// RESOURCE_EXHAUSTED, with what the user can do, if it is about memory or a thread.
+// INTERNAL with the exception's words for any other.
+absl::Status system_failure(const std::exception& error);
+
+// Usage errors: mistakes in the command line itself. They have an exit code of their own.
+
+// An INVALID_ARGUMENT of the kind kUsage, for a wrong use of the command. One line.
+absl::Status usage_error(const std::string& message);
+bool is_usage_error(const absl::Status& status);
+
+// `--json is empty; leave it out or give it a value`. `option` is "--json".
+absl::Status empty_value(const std::string& option);
+
+// `unknown curve "aces-hil"; did you mean aces-hill? There are: linear, aces-hill`. `what` is "curve".
+absl::Status unknown_word(const std::string& what, const std::string& typed,
+                          const std::vector<std::string>& words);
 
 }  // namespace candela

@@ -1,9 +1,43 @@
 #include "client/call/duplex_call.h"
 
+#include <chrono>
+#include <utility>
+
 #include "client/call/wire.h"
+#include "client/connection.h"
 #include "server/base/check.h"
 
 namespace candela {
+
+CallQueue::~CallQueue() {
+  queue_.Shutdown();
+  void* any = nullptr;
+  bool ok = false;
+  while (queue_.Next(&any, &ok)) {
+  }
+}
+
+CallEvent CallQueue::next(absl::Time until) {
+  while (true) {
+    void* tag = nullptr;
+    bool ok = false;
+    const auto next = queue_.AsyncNext(&tag, &ok, absl::ToChronoTime(until));
+    if (next != grpc::CompletionQueue::GOT_EVENT) return CallEvent::kTimeout;
+    if (tag == nullptr) {
+      const absl::MutexLock lock(&mutex_);
+      waking_ = false;
+      return CallEvent::kWoken;
+    }
+    if (const auto event = static_cast<CallOperation*>(tag)->done(ok)) return *event;
+  }
+}
+
+void CallQueue::wake() {
+  const absl::MutexLock lock(&mutex_);
+  if (waking_) return;
+  waking_ = true;
+  alarm_ = std::make_unique<grpc::Alarm>(&queue_, std::chrono::system_clock::now(), nullptr);
+}
 
 DuplexCall::DuplexCall(CallQueue& queue, const std::shared_ptr<grpc::Channel>& channel, Peer peer,
                        const std::string& method, const Metadata& metadata)
@@ -66,5 +100,25 @@ void DuplexCall::half_close() {
 }
 
 absl::Status DuplexCall::error() const { return from_grpc(status_, peer_, connected_); }
+
+ChannelServers::ChannelServers(std::vector<SessionServer> servers) : servers_(std::move(servers)) {}
+
+std::unique_ptr<ClientCall> ChannelServers::call(size_t server, const std::string& session) {
+  const auto& [channel, peer] = servers_[server];
+  return std::make_unique<DuplexCall>(queue_, channel, peer, "/candela.v1.RenderService/Stream",
+                                      DuplexCall::Metadata{{"x-session-id", session}});
+}
+
+void ChannelServers::put(size_t server, std::shared_ptr<const Panorama> panorama, absl::Time deadline) {
+  put_ = [this, server, panorama = std::move(panorama), deadline] {
+    const auto& [channel, peer] = servers_[server];
+    return Connection(channel, peer).put_environment(*panorama, deadline);
+  };
+}
+
+void ChannelServers::pass_on(SessionDriver& driver) {
+  if (put_) return driver.on_put(std::exchange(put_, nullptr)());
+  driver.on_event(queue_.next(driver.deadline()));
+}
 
 }  // namespace candela

@@ -17,7 +17,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "client/call/incoming_bands.h"
+#include "client/call/result_reader.h"
 #include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"

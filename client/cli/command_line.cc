@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/terminal.h"
 #include "server/base/status_macros.h"

@@ -14,7 +14,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/cli/terminal.h"
 #include "client/run/output_files.h"
 #include "client/run/sequence.h"

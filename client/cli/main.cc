@@ -14,8 +14,6 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/base/system_failure.h"
-#include "client/base/usage.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/json_output.h"

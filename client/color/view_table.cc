@@ -16,7 +16,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/color/view_config.h"
-#include "client/color/view_entry.h"
 #include "server/base/status_macros.h"
 #include "server/render/color/primaries.h"
 #include "shaders/reference.h"

@@ -9,7 +9,6 @@
 
 #include "absl/strings/str_format.h"
 #include "client/environment/cube_faces.h"
-#include "client/environment/cube_lookup.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

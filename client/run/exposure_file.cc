@@ -13,8 +13,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/base/usage.h"
-#include "client/call/security/plain_file.h"
+#include "client/base/plain_file.h"
 #include "client/image/write/atomic_file.h"
 #include "client/run/frame_numbers.h"
 #include "client/run/output_files.h"

@@ -24,7 +24,6 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
-#include "client/base/usage.h"
 #include "server/base/status_macros.h"
 #include "server/encode/color_words.h"
 

@@ -15,7 +15,6 @@
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
-#include "client/base/usage.h"
 #include "client/image/color.h"
 #include "client/run/embedded_server.h"
 #include "proto/candela/v1/limits.h"

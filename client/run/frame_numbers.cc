@@ -14,7 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
 

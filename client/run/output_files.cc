@@ -14,7 +14,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/image/write/atomic_file.h"
 #include "server/base/status_macros.h"
 

@@ -23,7 +23,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/string_view.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/image/write/atomic_file.h"
 #include "client/run/frame_numbers.h"
 #include "proto/candela/v1/limits.h"

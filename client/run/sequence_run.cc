@@ -16,7 +16,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/base/usage.h"
 #include "client/image/write/encodings.h"
 #include "client/run/exposure_file.h"
 #include "client/run/file_frames.h"

@@ -13,8 +13,6 @@
 #include "absl/strings/strip.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
-#include "client/base/system_failure.h"
-#include "client/base/usage.h"
 #include "client/retry.h"
 #include "client/run/events.h"
 #include "proto/candela/v1/limits.h"

@@ -21,7 +21,6 @@
 #include "absl/strings/str_cat.h"
 #include "candela/v1/render.pb.h"
 #include "client/call/result_reader.h"
-#include "client/call/stream_reader.h"
 #include "proto/candela/v1/alpha.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"

@@ -5,7 +5,7 @@
 
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
-#include "client/call/retry/retry_info.h"
+#include "client/call/retry_schedule.h"
 #include "tests/service/service_fixture.h"
 #include "tests/support/status.h"
 

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "client/session_driver.h"
-#include "client/session_state.h"
 #include "tests/simulator/film.h"
 #include "tests/simulator/server.h"
 

@@ -23,7 +23,6 @@
 #include "candela/v1/render.pb.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
-#include "client/base/usage.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/json_output.h"

@@ -2,7 +2,7 @@
 #include <memory>
 
 #include "absl/time/clock.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/options/option_kinds.h"

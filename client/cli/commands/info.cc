@@ -12,7 +12,6 @@
 #include "absl/strings/strip.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
-#include "client/base/usage.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/json_output.h"

@@ -18,8 +18,6 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
-#include "client/base/system_failure.h"
-#include "client/base/usage.h"
 #include "client/cli/terminal.h"
 #include "client/run/sequence.h"
 #include "server/base/status_macros.h"

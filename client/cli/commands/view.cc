@@ -13,7 +13,6 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/base/usage.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
 #include "client/cli/json_output.h"

@@ -15,7 +15,7 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "candela/v1/render.pb.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/words/near_words.h"
 

@@ -16,7 +16,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/settings_options.h"
 #include "client/color/view_table.h"

@@ -10,7 +10,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
-#include "client/base/usage.h"
 #include "client/cli/options/option_kinds.h"
 #include "server/base/net/address.h"
 #include "server/base/status_macros.h"

@@ -7,7 +7,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/picture_options.h"
 #include "client/cli/options/server_options.h"

@@ -13,7 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/picture_options.h"
 #include "client/image/write/encodings.h"

@@ -1,4 +1,6 @@
 // Frames and images that pass through shared memory.
+#include "client/call/shared_memory.h"
+
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -10,7 +12,6 @@
 #include <random>
 #include <thread>
 
-#include "client/call/memory/shared_region.h"
 #include "tests/service/memory/raw_region.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/session_run.h"

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "client/call/retry/retry_info.h"
+#include "client/call/retry_schedule.h"
 #include "server/session/limits/client_memory.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/neighbours.h"

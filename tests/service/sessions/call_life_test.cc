@@ -8,7 +8,7 @@
 
 #include "absl/time/clock.h"
 #include "client/call/raw_call.h"
-#include "client/call/retry/retry_info.h"
+#include "client/call/retry_schedule.h"
 #include "tests/service/server/busy_device.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/wire_cutter.h"

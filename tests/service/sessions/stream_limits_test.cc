@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/time/clock.h"
-#include "client/call/retry/retry_info.h"
+#include "client/call/retry_schedule.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/support/status.h"

@@ -7,7 +7,7 @@
 #include "absl/numeric/int128.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "client/run/sequence.h"
 #include "proto/candela/v1/limits.h"
 #include "tests/support/status.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "client/call/retry/retry_info.h"
+#include "client/call/retry_schedule.h"
 #include "tests/unit/client/session_film.h"
 
 namespace candela {

@@ -1,11 +1,10 @@
 // What a session knows of its servers, without a call.
-#include "client/session_state.h"
-
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
 
+#include "client/session_driver.h"
 #include "tests/support/clock/virtual_clock.h"
 
 namespace candela {

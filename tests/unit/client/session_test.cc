@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "absl/synchronization/notification.h"
-#include "client/call/retry/retry_info.h"
+#include "client/call/retry_schedule.h"
 #include "tests/support/status.h"
 #include "tests/unit/client/fake_server.h"
 

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <numbers>
 
-#include "client/environment/cube_lookup.h"
+#include "client/environment/cube_faces.h"
 #include "client/environment/pictures.h"
 #include "proto/candela/v1/rgb9e5.h"
 #include "tests/support/status.h"

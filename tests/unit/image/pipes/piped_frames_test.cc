@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "client/base/usage.h"
+#include "client/base/failure.h"
 #include "tests/support/status.h"
 
 namespace candela {

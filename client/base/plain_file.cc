@@ -1,4 +1,4 @@
-#include "client/call/security/plain_file.h"
+#include "client/base/plain_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
