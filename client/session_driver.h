@@ -24,8 +24,8 @@
 #include "client/call/retry_schedule.h"
 #include "client/call/shared_memory.h"
 #include "client/session.h"
-#include "proto/candela/v1/image_size.h"
-#include "proto/candela/v1/zstd_rows.h"
+#include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/limits.h"
 #include "server/base/clock.h"
 
 namespace candela {

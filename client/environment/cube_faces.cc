@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "proto/candela/v1/rgb9e5.h"
+#include "proto/candela/v1/pixel_size.h"
 
 namespace candela {
 namespace {

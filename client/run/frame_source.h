@@ -12,7 +12,7 @@
 #include "client/image/image.h"
 #include "client/run/frame_files.h"
 #include "client/session.h"
-#include "proto/candela/v1/image_size.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 

@@ -25,7 +25,7 @@
 #include "client/run/picture_error.h"
 #include "client/run/sequence.h"
 #include "client/session.h"
-#include "proto/candela/v1/image_size.h"
+#include "proto/candela/v1/limits.h"
 
 namespace candela {
 

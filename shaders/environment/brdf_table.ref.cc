@@ -9,7 +9,6 @@
 // nothing by more than 1e-7 for n.v >= 0.001.
 #include <cmath>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

@@ -1,7 +1,6 @@
 // Twin of cube_down.comp: the levels below level 0 of a cube map.
 #include <utility>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

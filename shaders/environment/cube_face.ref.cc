@@ -1,7 +1,6 @@
 // Twin of cube_face.comp: level 0 of a cube map from the panorama.
 #include <cmath>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

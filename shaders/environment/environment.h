@@ -6,7 +6,9 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <span>
 #include <vector>
 
@@ -134,5 +136,31 @@ struct ViewScene {
 // null, it is set to whether a ray of the pixel passes within 1e-4 of a sphere's radius of its edge.
 std::vector<Rgb> view_row(const ViewScene& scene, const Camera& camera, uint32_t width, uint32_t height,
                           uint32_t samples, uint32_t y, std::vector<bool>* near_edge = nullptr);
+
+// Arithmetic of directions and colours for the references of environments.
+
+constexpr double kPi = std::numbers::pi;
+
+inline double dot(const Direction& a, const Direction& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+inline Direction cross(const Direction& a, const Direction& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+// a + factor * b.
+inline Direction add(const Direction& a, const Direction& b, double factor) {
+  return {a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]};
+}
+
+inline Direction normalized(const Direction& d) {
+  const double length = std::sqrt(dot(d, d));
+  return {d[0] / length, d[1] / length, d[2] / length};
+}
+
+// *sum += weight * color, of R, G and B. `color` may have an alpha.
+template <typename Color>
+void accumulate(Rgb* sum, const Color& color, double weight) {
+  for (size_t n = 0; n < 3; ++n) (*sum)[n] += weight * color[n];
+}
 
 }  // namespace candela::reference

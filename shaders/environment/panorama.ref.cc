@@ -2,7 +2,6 @@
 // texels that panorama.comp stores have their twin in ingest().
 #include <cmath>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

@@ -4,7 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "shaders/environment/direction.h"
 #include "shaders/environment/environment.h"
 
 namespace candela::reference {

@@ -44,7 +44,7 @@
 #include "client/run/report.h"
 #include "client/run/run.h"
 #include "client/run/server_link.h"
-#include "proto/candela/v1/rgb9e5.h"
+#include "proto/candela/v1/pixel_size.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 

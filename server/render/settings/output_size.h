@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "candela/v1/render.pb.h"
-#include "proto/candela/v1/image_size.h"
+#include "proto/candela/v1/limits.h"
 #include "server/render/settings/frame.h"
 
 namespace candela {

@@ -14,7 +14,6 @@
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"
-#include "proto/candela/v1/rgb9e5.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
 #include "server/render/reference/environment_error.h"

@@ -3,9 +3,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "proto/candela/v1/alpha.h"
 #include "proto/candela/v1/band_wire.h"
-#include "proto/candela/v1/zstd_rows.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 

@@ -6,7 +6,6 @@
 #include <cstring>
 #include <utility>
 
-#include "proto/candela/v1/alpha.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"

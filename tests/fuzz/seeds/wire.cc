@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "candela/v1/render.pb.h"
+#include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/pixel_size.h"
-#include "proto/candela/v1/zstd_rows.h"
 #include "tests/fuzz/seeds/seeds.h"
 #include "tests/fuzz/wire_input.h"
 #include "tests/support/files.h"

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/pixel_size.h"
-#include "proto/candela/v1/zstd_rows.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/session_run.h"
 #include "tests/service/sessions/stream_client.h"

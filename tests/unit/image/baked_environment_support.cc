@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "client/environment/cube_faces.h"
-#include "proto/candela/v1/rgb9e5.h"
+#include "proto/candela/v1/pixel_size.h"
 #include "tests/support/files.h"
 
 namespace candela {

@@ -6,7 +6,7 @@
 
 #include "client/environment/cube_faces.h"
 #include "client/environment/pictures.h"
-#include "proto/candela/v1/rgb9e5.h"
+#include "proto/candela/v1/pixel_size.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/baked_environment_support.h"
 #include "tests/unit/image/image_support.h"

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "proto/candela/v1/band_wire.h"
-#include "proto/candela/v1/zstd_rows.h"
 #include "tests/support/clock/real_clock.h"
 #include "tests/support/status.h"
 

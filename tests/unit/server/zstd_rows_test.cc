@@ -1,5 +1,3 @@
-#include "proto/candela/v1/zstd_rows.h"
-
 #include <gtest/gtest.h>
 #include <zstd.h>
 
@@ -9,7 +7,7 @@
 #include <random>
 #include <string>
 
-#include "proto/candela/v1/alpha.h"
+#include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "tests/support/status.h"
