@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "candela/v1/render.pb.h"
-#include "server/base/process/pixel_memory.h"
+#include "server/base/pixel_memory.h"
 
 namespace candela {
 

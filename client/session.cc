@@ -13,7 +13,7 @@
 #include "client/session_driver.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "server/base/clock.h"
-#include "server/base/process/pixel_memory.h"
+#include "server/base/pixel_memory.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -1,9 +1,10 @@
-// The configuration of a server. candelad fills it from its options; a program that embeds a server fills it
-// itself.
+// Checks of the addresses that a server listens on.
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -15,7 +16,18 @@
 
 namespace candela {
 
-// server/option_table.cc has the range, the help text and the option name of each field. The defaults here
+// OK if `address` is "HOST:PORT" (an IPv6 host is in brackets) or "unix:PATH"; INVALID_ARGUMENT for any other
+// shape. Also INVALID_ARGUMENT for a non-loopback host unless `public_too`: without TLS anyone could connect
+// and read everything, including tokens.
+absl::Status check_listen_address(const std::string& address, bool public_too);
+
+// The same for the metrics address. Metrics are served over plain HTTP, and not on "unix:PATH".
+absl::Status check_metrics_address(const std::string& address, bool insecure);
+
+// The configuration of a server. candelad fills it from its options; a program that embeds a server fills it
+// itself.
+
+// server/config.cc has the range, the help text and the option name of each field. The defaults here
 // are candelad's too, except `listen`: an embedded server listens nowhere by default.
 struct Config {
   // "HOST:PORT" (port 0 picks a free port) or "unix:PATH"; empty: in-process only
@@ -65,5 +77,76 @@ struct Config {
 // INVALID_ARGUMENT if an option is out of its range or contradicts another one. The message names the option,
 // its value and its range.
 absl::Status check_config(const Config& config);
+
+// The table of candelad's options: one row per option. Everything about an option comes from its row: the
+// flag, the environment variable, the key of the configuration file, the range check, --help and
+// deploy/candelad.conf.
+//
+// To add an option, add a field with its default to Config and a row here, and run
+//   candelad --print-config >deploy/candelad.conf
+
+// The kinds of options. Each kind names its field of Config; ranges are inclusive.
+struct FlagOption {
+  bool Config::*field;
+};
+struct TextOption {
+  std::string Config::*field;
+  const char* value_name;  // "FILE"
+};
+struct AddressListOption {
+  std::vector<std::string> Config::*field;  // written with commas
+};
+struct NumberOption {
+  uint32_t Config::*field;
+  v1::Range<uint32_t> range;
+};
+struct BytesOption {
+  uint64_t Config::*field;
+  v1::Range<uint64_t> range;
+  bool zero_is_automatic = false;  // 0 is allowed below the range
+};
+struct DurationOption {
+  absl::Duration Config::*field;
+  v1::Range<absl::Duration> range;
+};
+struct LogLevelOption {
+  LogLevel Config::*field;
+};
+struct ExecutorOption {
+  ExecutorKind Config::*field;
+};
+
+using OptionKind = std::variant<FlagOption, TextOption, AddressListOption, NumberOption, BytesOption,
+                                DurationOption, LogLevelOption, ExecutorOption>;
+
+struct Option {
+  // "max-calls": the flag is --max-calls, the variable CANDELA_MAX_CALLS, the key in the file max-calls.
+  const char* name;
+  OptionKind kind;
+  // For --help and the annotated file: one sentence, without its full stop and without the range.
+  const char* help;
+  // For the annotated file only: more sentences.
+  const char* note = "";
+};
+
+std::span<const Option> option_table();
+
+// The option's environment variable, such as "CANDELA_MAX_CALLS".
+std::string variable_name(const Option& option);
+
+// The environment variables of all options.
+std::vector<std::string> variable_names();
+
+// The option's range, "1 .. 4096"; empty if its kind has none.
+std::string range_text(const Option& option);
+
+// The option's value in `config` as a user writes it: "64", "512MiB", "1m", "true".
+std::string value_text(const Option& option, const Config& config);
+
+// INVALID_ARGUMENT for the first option that is out of its range: "max-calls is 0; it must be 1 .. 4096".
+absl::Status check_ranges(const Config& config);
+
+// deploy/candelad.conf: every option, explained, with its value in `config`.
+std::string annotated_file(const Config& config);
 
 }  // namespace candela

@@ -1,21 +1,246 @@
 #include "server/grpc_listener.h"
 
+#include <fcntl.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <climits>
+#include <optional>
+#include <string>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/string_view.h"
 #include "server/access/client_identity.h"
+#include "server/base/address.h"
+#include "server/base/listening_socket.h"
 #include "server/base/log.h"
-#include "server/base/net/address.h"
-#include "server/base/net/listening_socket.h"
 #include "server/base/status_macros.h"
 #include "server/memory_budget.h"
 
 namespace candela {
+namespace {
+
+// The client's preface of HTTP/2 and an empty SETTINGS frame (RFC 9113, 3.4).
+constexpr absl::string_view kPreface{"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0", 33};
+
+constexpr int kStepMs = 20;  // between looks at the end of the thread
+
+socklen_t size_of(const sockaddr_storage& address) {
+  return address.ss_family == AF_UNIX   ? sizeof(sockaddr_un)
+         : address.ss_family == AF_INET ? sizeof(sockaddr_in)
+                                        : sizeof(sockaddr_in6);
+}
+
+}  // namespace
+
+OwnDoor::OwnDoor(std::vector<Address> addresses, Clock& clock, const Options& options,
+                 std::function<void(State)> report)
+    : addresses_(std::move(addresses)),
+      clock_(clock),
+      options_(options),
+      report_(std::move(report)),
+      tls_(SSL_CTX_new(TLS_client_method()), SSL_CTX_free),
+      stop_(clock),
+      thread_([this] { run(); }) {}
+
+OwnDoor::~OwnDoor() {
+  stop_.give();
+  thread_.join();
+}
+
+void OwnDoor::run() {
+  State told;
+  absl::Duration deaf_for = absl::ZeroDuration();
+  while (!stop_.comes_within(options_.interval)) {
+    const absl::Time begin = clock_.now();
+    bool all = true;
+    for (const Address& address : addresses_) all = all && answers(address);
+    const absl::Duration waited =
+        std::min(clock_.now() - begin, options_.interval * static_cast<double>(addresses_.size()));
+    deaf_for = all ? absl::ZeroDuration() : deaf_for + options_.interval + waited;
+    const State state{deaf_for < options_.limit, deaf_for < options_.dead_limit};
+    if (state != told && !stop_.is_given()) report_(told = state);
+  }
+}
+
+bool OwnDoor::answers(const Address& address) {
+  const absl::Time end = clock_.now() + options_.interval;
+  const int connection = socket(address.at.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (connection < 0) return false;
+  const absl::Cleanup close_it = [connection] { close(connection); };
+  if (connect(connection, reinterpret_cast<const sockaddr*>(&address.at), size_of(address.at)) != 0) {
+    if (errno != EINPROGRESS || !wait_for(connection, POLLOUT, end)) return false;
+    int error = 0;
+    socklen_t size = sizeof error;
+    getsockopt(connection, SOL_SOCKET, SO_ERROR, &error, &size);
+    if (error != 0) return false;
+  }
+  if (address.tls && tls_ != nullptr) {
+    const std::unique_ptr<SSL, decltype(&SSL_free)> client(SSL_new(tls_.get()), SSL_free);
+    if (client == nullptr || SSL_set_fd(client.get(), connection) != 1) return false;
+    SSL_connect(client.get());  // sends its first message
+  } else if (send(connection, kPreface.data(), kPreface.size(), MSG_NOSIGNAL) < 0) {
+    return errno == ECONNRESET || errno == EPIPE;  // closed without an answer
+  }
+  return wait_for(connection, POLLIN, end);
+}
+
+bool OwnDoor::wait_for(int connection, int16_t events, absl::Time end) {
+  while (clock_.now() < end && !stop_.is_given()) {
+    pollfd wait{connection, events, 0};
+    const int ready = poll(&wait, 1, kStepMs);
+    if (ready > 0) return true;
+    if (ready < 0 && errno != EINTR) return false;
+  }
+  return false;
+}
+
+namespace {
+
+constexpr int kWithoutDescriptorMs = 20;  // before the next attempt
+constexpr int kAtATime = 64;              // connections of one door, before the next door's turn
+
+int open_spare() { return open("/dev/null", O_RDONLY | O_CLOEXEC); }
+
+const char* word(ConnectionRefusal reason) {
+  return reason == ConnectionRefusal::kLimit ? "max-connections are open" : "no file descriptor is left";
+}
+
+}  // namespace
+
+void OpenConnections::add(int descriptor, std::string client) {
+  struct stat about {};
+  if (fstat(descriptor, &about) != 0) return;
+  const absl::MutexLock lock(&mutex_);
+  // Doubling the limit keeps this cheap: a constant time for each connection on average.
+  if (known_.size() >= look_at_) {
+    forget_closed();
+    look_at_ = std::max(look_at_, 2 * known_.size());
+  }
+  known_.push_back({descriptor, about.st_ino, std::move(client)});
+}
+
+size_t OpenConnections::count() {
+  const absl::MutexLock lock(&mutex_);
+  forget_closed();
+  return known_.size();
+}
+
+bool OpenConnections::has(const std::string& client) const {
+  const absl::MutexLock lock(&mutex_);
+  return std::any_of(known_.begin(), known_.end(),
+                     [&](const Known& known) { return known.client == client; });
+}
+
+std::set<std::string> OpenConnections::clients() {
+  const absl::MutexLock lock(&mutex_);
+  forget_closed();
+  std::set<std::string> clients;
+  for (const Known& known : known_) clients.insert(known.client);
+  return clients;
+}
+
+void OpenConnections::forget_closed() {
+  std::erase_if(known_, [](const Known& known) {
+    struct stat about {};
+    // Its number may have been used again, so the inode has to be the same.
+    return fstat(known.descriptor, &about) != 0 || about.st_ino != known.inode || !S_ISSOCK(about.st_mode);
+  });
+}
+
+AcceptLoop::AcceptLoop(std::vector<Door> doors, size_t max_connections, OpenConnections& connections,
+                       Metrics& metrics, Clock& clock)
+    : doors_(std::move(doors)),
+      max_connections_(max_connections),
+      connections_(connections),
+      metrics_(metrics),
+      clock_(clock),
+      spare_(open_spare()),
+      stop_(eventfd(0, EFD_CLOEXEC)),
+      thread_([this] { run(); }) {}
+
+AcceptLoop::~AcceptLoop() {
+  eventfd_write(stop_, 1);
+  thread_.join();
+  close(stop_);
+  if (spare_ >= 0) close(spare_);
+}
+
+void AcceptLoop::run() {
+  std::vector<pollfd> waits;
+  for (const Door& door : doors_) waits.push_back({door.socket.descriptor(), POLLIN, 0});
+  waits.push_back({stop_, POLLIN, 0});
+  for (;;) {
+    if (poll(waits.data(), waits.size(), -1) < 0) continue;
+    if (waits.back().revents != 0) return;
+    for (size_t i = 0; i < doors_.size(); ++i) {
+      for (int n = 0; waits[i].revents != 0 && n < kAtATime && accept_one(doors_[i]); ++n) {
+      }
+    }
+  }
+}
+
+bool AcceptLoop::accept_one(const Door& door) {
+  const int descriptor = accept4(door.socket.descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+  if (descriptor >= 0) {
+    if (is_full()) {
+      refuse(descriptor, ConnectionRefusal::kLimit);
+    } else {
+      ++at_most_;
+      connections_.add(descriptor);
+      door.take(descriptor);
+    }
+    return true;
+  }
+  if (errno == EAGAIN) return false;
+  if (errno == EMFILE || errno == ENFILE) {
+    accept_without_descriptor(door);
+  } else if (errno == ENOBUFS || errno == ENOMEM) {
+    poll(nullptr, 0, kWithoutDescriptorMs);
+  }
+  return false;  // or the client has gone already
+}
+
+void AcceptLoop::accept_without_descriptor(const Door& door) {
+  // Without this the connection would stay in the kernel's queue, and poll() would return at once for ever.
+  if (spare_ >= 0) {
+    close(std::exchange(spare_, -1));
+    const int descriptor = accept4(door.socket.descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    if (descriptor >= 0) refuse(descriptor, ConnectionRefusal::kDescriptors);
+  }
+  spare_ = open_spare();
+  // Another thread took the descriptor; without this wait the loop would spin until it gives one back.
+  if (spare_ < 0) poll(nullptr, 0, kWithoutDescriptorMs);
+}
+
+void AcceptLoop::refuse(int descriptor, ConnectionRefusal reason) {
+  metrics_.connection_refused(reason);
+  if (const std::optional<uint64_t> connections = lines_.pass(clock_.now())) {
+    log_event(LogLevel::kWarning, "connection refused",
+              {{"reason", word(reason)},
+               {"peer", client_of(descriptor)},
+               {"connections", *connections},
+               {"max_connections", uint64_t{max_connections_}}});
+  }
+  close(descriptor);
+}
+
+bool AcceptLoop::is_full() {
+  // count() looks at every connection, so only if the estimate reaches the limit.
+  if (at_most_ >= max_connections_) at_most_ = connections_.count();
+  return at_most_ >= max_connections_;
+}
+
 namespace {
 
 // The time limit for a connection's first bytes is the idle timeout within this range. The minimum leaves

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_format.h"
-#include "server/base/words/units.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "server/base/process/cgroup.h"
+#include "server/base/process.h"
 
 namespace candela {
 

@@ -18,7 +18,7 @@ namespace candela {
 class Server {
  public:
   // Opens the device, compares a test frame with the reference, listens on the addresses in `config`, and
-  // serves. Sets the driver's environment (see server/base/process/driver_environment.h), so start the first
+  // serves. Sets the driver's environment (see server/base/process.h), so start the first
   // server of a process before other threads read the environment. The error is one line and says what to do.
   //
   // When the device is lost, its frames fail with UNAVAILABLE and the device is reopened. If it is lost again

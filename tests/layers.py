@@ -36,7 +36,7 @@ READS_TIME = {"server/base/clock.cc",
               "client/retry.cc", "client/call/duplex_call.h", "client/call/duplex_call.cc",  # the user's notification; gRPC's queue
               "server/alarm_timers.cc", "server/server.cc",  # gRPC takes dates of its own clock
               "server/base/log.cc", "server/rpc/grpc_log.cc",  # the log
-              "server/base/metrics.cc", "server/base/process_metrics.cc",  # when the process started
+              "server/base/metrics.cc", "server/base/metrics.cc",  # when the process started
               "server/daemon/main.cc",  # a signal is waited for by the kernel
               # Work that is measured, or cut where its slice ends. Its slices have to be of real time.
               "server/base/crew.cc", "server/render/device/submissions.cc", "server/render/environment/long_passes.cc",

@@ -7,7 +7,7 @@
 #include "absl/strings/cord.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "server/base/words/near_words.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -20,7 +20,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/synchronization/mutex.h"
 #include "client/base/plain_file.h"
-#include "server/base/net/address.h"
+#include "server/base/address.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

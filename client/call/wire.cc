@@ -23,7 +23,7 @@
 #include "client/call/tls.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
-#include "server/base/net/address.h"
+#include "server/base/address.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -14,7 +14,7 @@
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/terminal.h"
 #include "server/base/status_macros.h"
-#include "server/base/words/near_words.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

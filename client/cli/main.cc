@@ -23,9 +23,9 @@
 #include "client/run/embedded_server.h"
 #include "client/run/film.h"
 #include "client/run/output_files.h"
-#include "server/base/process/end_process.h"
+#include "server/base/process.h"
 #include "server/base/status_macros.h"
-#include "server/base/words/variables.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

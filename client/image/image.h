@@ -13,7 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/base/process/pixel_memory.h"
+#include "server/base/pixel_memory.h"
 #include "server/encode/picture.h"
 
 namespace candela {

@@ -9,11 +9,10 @@
 #include "client/run/options.h"
 #include "server/alarm_timers.h"
 #include "server/base/clock.h"
-#include "server/base/process/cgroup.h"
-#include "server/base/process/driver_environment.h"
+#include "server/base/process.h"
 #include "server/base/status_macros.h"
+#include "server/config.h"
 #include "server/memory_budget.h"
-#include "server/option_table.h"
 #include "server/server.h"
 
 namespace candela {

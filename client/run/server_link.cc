@@ -17,7 +17,7 @@
 #include "client/run/events.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
-#include "server/base/process/address_space.h"
+#include "server/base/process.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

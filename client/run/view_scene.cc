@@ -22,7 +22,7 @@
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
-#include "server/base/words/near_words.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -3,20 +3,204 @@
 #include <grpc/grpc.h>
 #include <grpc/grpc_security.h>
 #include <grpc/slice.h>
+#include <openssl/crypto.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/sha.h>
+#include <openssl/x509.h>
 
 #include <algorithm>
+#include <ctime>
 #include <iterator>
+#include <memory>
+#include <optional>
 #include <utility>
+#include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "server/access/client_identity.h"
+#include "server/base/address.h"
 #include "server/base/log.h"
-#include "server/base/net/address.h"
+#include "server/base/option_file.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
+namespace {
+
+const char* word(Refusal refusal) { return refusal == Refusal::kNoToken ? "no token" : "unknown token"; }
+
+}  // namespace
+
+void RefusalLog::add(Refusal refusal, absl::FunctionRef<std::string()> peer) {
+  std::optional<uint64_t> calls;
+  {
+    const absl::MutexLock lock(&mutex_);
+    calls = reasons_[static_cast<size_t>(refusal)].pass(clock_.now());
+  }
+  if (!calls) return;
+  log_event(LogLevel::kWarning, "call refused",
+            {{"reason", word(refusal)}, {"peer", peer()}, {"calls", *calls}});
+}
+
+namespace {
+
+constexpr size_t kMaxTokenFileBytes = 64 << 10;
+constexpr absl::string_view kScheme = "Bearer ";
+constexpr char kMakeOne[] = "openssl rand -hex 32";
+
+std::array<unsigned char, SHA256_DIGEST_LENGTH> digest_of(absl::string_view token) {
+  std::array<unsigned char, SHA256_DIGEST_LENGTH> digest;
+  SHA256(reinterpret_cast<const unsigned char*>(token.data()), token.size(), digest.data());
+  return digest;
+}
+
+}  // namespace
+
+absl::StatusOr<BearerTokens> BearerTokens::read(const std::string& path) {
+  ASSIGN_OR_RETURN(const std::string text,
+                   read_option_file("token-file", path, kMaxTokenFileBytes, Secrecy::kSecret));
+  BearerTokens tokens;
+  int number = 0;
+  for (absl::string_view line : absl::StrSplit(text, '\n')) {
+    ++number;
+    line = absl::StripAsciiWhitespace(line);
+    if (line.empty() || line[0] == '#') continue;
+    if (line.size() < kMinBearerBytes) {
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "token-file: line %d of %s has %d characters and a token has at least %d; make one with: %s",
+          number, path, line.size(), kMinBearerBytes, kMakeOne));
+    }
+    if (!std::all_of(line.begin(), line.end(), absl::ascii_isgraph)) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("token-file: line %d of %s holds a space or a character that is not visible ASCII; "
+                          "make a token with: %s",
+                          number, path, kMakeOne));
+    }
+    if (tokens.digests_.size() == kMaxBearerTokens) {
+      return absl::InvalidArgumentError(absl::StrFormat(
+          "token-file: %s holds more than %d tokens; remove the unused ones", path, kMaxBearerTokens));
+    }
+    tokens.digests_.push_back(digest_of(line));
+  }
+  if (tokens.digests_.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("token-file: %s holds no token; make one with: %s", path, kMakeOne));
+  }
+  return tokens;
+}
+
+bool BearerTokens::allow(absl::string_view authorization) const {
+  const absl::string_view scheme = authorization.substr(0, kScheme.size());
+  if (!absl::EqualsIgnoreCase(scheme, kScheme)) return false;
+  const Digest digest = digest_of(authorization.substr(kScheme.size()));
+  bool found = false;
+  for (const Digest& known : digests_) {
+    found |= CRYPTO_memcmp(known.data(), digest.data(), digest.size()) == 0;
+  }
+  return found;
+}
+
+namespace {
+
+constexpr size_t kMaxCertificateFileBytes = 1 << 20;
+
+constexpr char kCert[] = "tls-cert";
+constexpr char kKey[] = "tls-key";
+constexpr char kClientCa[] = "tls-client-ca";
+
+using Bio = std::unique_ptr<BIO, decltype([](BIO* object) { BIO_free(object); })>;
+using Certificate = std::unique_ptr<X509, decltype([](X509* object) { X509_free(object); })>;
+using Key = std::unique_ptr<EVP_PKEY, decltype([](EVP_PKEY* object) { EVP_PKEY_free(object); })>;
+
+Bio reader_of(const std::string& text) {
+  return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
+}
+
+absl::Status unusable(const char* option, const std::string& path, const std::string& reason) {
+  return absl::InvalidArgumentError(absl::StrFormat("%s: %s %s", option, path, reason));
+}
+
+// Returns at least one certificate.
+absl::StatusOr<std::vector<Certificate>> parse_certificates(const char* option, const std::string& path,
+                                                            const std::string& text) {
+  std::vector<Certificate> certificates;
+  const Bio bio = reader_of(text);
+  ERR_clear_error();
+  while (Certificate certificate{PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr)}) {
+    certificates.push_back(std::move(certificate));
+  }
+  const bool at_end = ERR_GET_REASON(ERR_peek_last_error()) == PEM_R_NO_START_LINE;
+  ERR_clear_error();
+  if (!at_end) {
+    return unusable(option, path,
+                    absl::StrFormat("holds damaged PEM: certificate %d cannot be read; write the file again",
+                                    certificates.size() + 1));
+  }
+  if (certificates.empty()) {
+    return unusable(option, path,
+                    "holds no PEM certificate; a certificate begins with -----BEGIN CERTIFICATE-----");
+  }
+  return certificates;
+}
+
+absl::StatusOr<Key> parse_key(const std::string& path, const std::string& text) {
+  bool has_passphrase = false;
+  const auto no_passphrase = [](char*, int, int, void* asked) {
+    *static_cast<bool*>(asked) = true;
+    return -1;
+  };
+  Key key(PEM_read_bio_PrivateKey(reader_of(text).get(), nullptr, no_passphrase, &has_passphrase));
+  ERR_clear_error();
+  if (key != nullptr) return key;
+  if (has_passphrase) {
+    return unusable(
+        kKey, path,
+        "has a passphrase, which a server cannot type in; remove it with: openssl pkey -in OLD -out NEW");
+  }
+  return unusable(kKey, path,
+                  "holds no PEM private key that can be read; a key begins with -----BEGIN PRIVATE KEY-----");
+}
+
+absl::Time time_of(const ASN1_TIME* time) {
+  std::tm parts{};
+  if (ASN1_TIME_to_tm(time, &parts) != 1) return absl::InfiniteFuture();
+  return absl::FromTM(parts, absl::UTCTimeZone());
+}
+
+}  // namespace
+
+absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files) {
+  ASSIGN_OR_RETURN(std::string cert,
+                   read_option_file(kCert, files.cert, kMaxCertificateFileBytes, Secrecy::kPublic));
+  absl::StatusOr<std::string> key =
+      read_option_file(kKey, files.key, kMaxCertificateFileBytes, Secrecy::kSecret);
+  if (!key.ok()) return key.status();
+  ASSIGN_OR_RETURN(const std::vector<Certificate> chain, parse_certificates(kCert, files.cert, cert));
+  ASSIGN_OR_RETURN(const Key parsed, parse_key(files.key, *key));
+  X509* own = chain.front().get();
+  if (X509_check_private_key(own, parsed.get()) != 1) {
+    ERR_clear_error();
+    return unusable(
+        kKey, files.key,
+        absl::StrFormat(
+            "is not the key of the first certificate in %s; use a key and a certificate that belong "
+            "together, with the server's own certificate first",
+            files.cert));
+  }
+  Certificates certificates{std::move(cert), *std::move(key), "", time_of(X509_get0_notAfter(own))};
+  if (files.client_ca.empty()) return certificates;
+  ASSIGN_OR_RETURN(certificates.client_ca,
+                   read_option_file(kClientCa, files.client_ca, kMaxCertificateFileBytes, Secrecy::kPublic));
+  RETURN_IF_ERROR(parse_certificates(kClientCa, files.client_ca, certificates.client_ca).status());
+  return certificates;
+}
+
 namespace {
 
 constexpr absl::string_view kOpenToAll = "/grpc.health.v1.Health/";

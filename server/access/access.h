@@ -1,9 +1,10 @@
-// Access control: TLS, client certificates and bearer tokens, from files that are read again when they
-// change.
+// Access control: certificates, bearer tokens, and the log of refusals.
 #pragma once
 
 #include <grpcpp/security/server_credentials.h>
 
+#include <array>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -12,18 +13,89 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "server/access/bearer_tokens.h"
-#include "server/access/certificates.h"
-#include "server/access/refusal_log.h"
 #include "server/base/clock.h"
 #include "server/base/file_watch.h"
 #include "server/base/metrics.h"
 
 namespace candela {
 
+// The log of calls that were refused for their token. Only the log tells a missing token from an unknown one:
+// the answer to the client is the same, so that it does not help to guess tokens.
+
+enum class Refusal { kNoToken, kUnknownToken };
+
+// Writes at most one line a second for each reason, however many calls a stranger makes. It names the client
+// of the last of them. Any thread.
+class RefusalLog {
+ public:
+  // `clock` outlives it.
+  explicit RefusalLog(Clock& clock) : clock_(clock) {}
+
+  // `peer` is called only if there is a line.
+  void add(Refusal refusal, absl::FunctionRef<std::string()> peer);
+
+ private:
+  Clock& clock_;
+  absl::Mutex mutex_;
+  std::array<OneASecond, 2> reasons_ ABSL_GUARDED_BY(mutex_);
+};
+
+// The bearer tokens that allow their holders to call a server.
+
+inline constexpr size_t kMinBearerBytes = 16;
+inline constexpr size_t kMaxBearerTokens = 64;
+
+// Keeps only the SHA-256 of each token. Any thread.
+class BearerTokens {
+ public:
+  // Reads one token per line, each of kMinBearerBytes or more visible ASCII characters. Empty lines and lines
+  // that begin with # are skipped. All tokens are valid, so one can be replaced without an interruption.
+  // Fails as read_option_file does for the option token-file, and with INVALID_ARGUMENT and the line number.
+  // No message contains a part of a token.
+  static absl::StatusOr<BearerTokens> read(const std::string& path);
+
+  // Whether the value of the "authorization" metadata is "Bearer TOKEN" with one of the tokens. The time that
+  // it takes does not depend on which token matches.
+  bool allow(absl::string_view authorization) const;
+
+  bool operator==(const BearerTokens&) const = default;
+
+ private:
+  using Digest = std::array<unsigned char, 32>;
+  std::vector<Digest> digests_;
+};
+
+// A server's TLS certificates and key, read from PEM files.
+
+// Paths of PEM files.
+struct CertificateFiles {
+  std::string cert;       // the server's certificate, followed by its intermediate certificates
+  std::string key;        // the private key of the first certificate
+  std::string client_ca;  // CAs that must have signed a client's certificate; empty: clients need none
+};
+
+// The texts of PEM files that belong together.
+struct Certificates {
+  std::string cert;
+  std::string key;
+  std::string client_ca;  // may be empty, as above
+  absl::Time expires;     // when the server's certificate expires
+  bool operator==(const Certificates&) const = default;
+};
+
+// Fails with one line that names the option, the file and the reason: as read_option_file does, or with
+// INVALID_ARGUMENT if a file holds no PEM, damaged PEM or a key with a passphrase, or if the key belongs to
+// another certificate. An expired certificate is not an error. No message contains a part of a key.
+absl::StatusOr<Certificates> read_certificates(const CertificateFiles& files);
+
+// Access control: TLS, client certificates and bearer tokens, from files that are read again when they
+// change.
+//
 // If a changed file cannot be used, that is logged as an error and the earlier contents stay in force. A
 // connection keeps the certificates that it began with; tokens are checked for every call. Any thread.
 class Access {

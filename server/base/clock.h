@@ -1,9 +1,12 @@
-// Time as an input: whatever waits or asks for the time is given a clock, so that tests run in virtual time.
+// Time as an input: a clock, a sign to stop that can be waited for, and a limit of one a second.
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
@@ -50,6 +53,52 @@ class Timers {
   virtual ~Timers() = default;
   // Calls `then` once after `wait`, on any thread, but never from inside this function.
   virtual std::unique_ptr<Timer> call_after(absl::Duration wait, std::function<void()> then) = 0;
+};
+
+// Limits events that a stranger can cause without end, such as log lines, to one a second.
+//
+// Not thread-safe.
+class OneASecond {
+ public:
+  // Counts an event. If it may pass, returns the number of events since the last one that passed, this one
+  // included; otherwise nothing.
+  std::optional<uint64_t> pass(absl::Time now) {
+    ++events_;
+    if (now < next_) return std::nullopt;
+    next_ = now + absl::Seconds(1);
+    return std::exchange(events_, 0);
+  }
+
+ private:
+  uint64_t events_ = 0;
+  absl::Time next_ = absl::InfinitePast();
+};
+
+// What tells a thread to end, also while it waits.
+//
+// Any thread.
+class StopSign {
+ public:
+  explicit StopSign(Clock& clock) : clock_(clock) {}
+
+  void give() {
+    const absl::MutexLock lock(&mutex_);
+    given_ = true;
+  }
+  bool is_given() const {
+    const absl::MutexLock lock(&mutex_);
+    return given_;
+  }
+  // Waits for it. Returns whether it came within `timeout`.
+  bool comes_within(absl::Duration timeout) {
+    const absl::MutexLock lock(&mutex_);
+    return clock_.await(mutex_, absl::Condition(&given_), timeout);
+  }
+
+ private:
+  Clock& clock_;
+  mutable absl::Mutex mutex_;
+  bool given_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 }  // namespace candela

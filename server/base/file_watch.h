@@ -8,7 +8,6 @@
 
 #include "absl/time/time.h"
 #include "server/base/clock.h"
-#include "server/base/stop_sign.h"
 
 namespace candela {
 

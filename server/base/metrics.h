@@ -12,7 +12,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 #include "server/base/clock.h"
-#include "server/base/net/http_pages.h"
+#include "server/base/http_pages.h"
 
 namespace candela {
 

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "server/base/process/cgroup.h"
+#include "server/base/process.h"
 
 namespace candela {
 

@@ -1,19 +1,101 @@
 #include "server/daemon/flags.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdlib>
+#include <functional>
+#include <istream>
+#include <map>
 #include <memory>
+#include <sstream>
+#include <string>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
+#include "absl/status/status.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "server/base/net/address.h"
+#include "absl/strings/strip.h"
+#include "server/base/address.h"
 #include "server/base/option_file.h"
-#include "server/base/words/near_words.h"
-#include "server/base/words/units.h"
-#include "server/daemon/config_file.h"
-#include "server/option_table.h"
+#include "server/base/words.h"
+#include "server/config.h"
+
+namespace candela {
+namespace {
+
+// candelad's configuration file. CLI11 reads its TOML a line at a time, so that every error can name its
+// line.
+
+// Thrown for a line that cannot be used.
+struct ConfigLineError {
+  int line = 0;      // from 1
+  std::string what;  // names the key
+};
+
+class ConfigFile final : public CLI::ConfigTOML {
+ public:
+  // `check` says whether an option takes a value.
+  using Check = std::function<absl::Status(const Option& option, const std::string& value)>;
+  explicit ConfigFile(Check check) : check_(std::move(check)) {}
+
+  // Throws a ConfigLineError for an unknown key, one that is given twice, a value that its option refuses,
+  // and a section.
+  std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;
+
+ private:
+  const Check check_;
+};
+
+const Option& option_named(const std::string& key, int line) {
+  std::vector<std::string> names;
+  for (const Option& option : option_table()) {
+    if (key == option.name) return option;
+    names.emplace_back(option.name);
+  }
+  const std::string meant = did_you_mean(near_words(key, names));
+  throw ConfigLineError{line, absl::StrFormat("unknown key \"%s\"; %ssee candelad --print-config", key,
+                                              meant.empty() ? "" : meant + " ")};
+}
+
+std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& input) const {
+  std::vector<CLI::ConfigItem> read;
+  std::map<std::string, int> lines;  // of the keys
+  std::string text;
+  for (int line = 1; std::getline(input, text); ++line) {
+    if (absl::StartsWith(absl::StripLeadingAsciiWhitespace(text), "[")) {
+      throw ConfigLineError{
+          line, absl::StrCat("the section ", text, " is not known; write lines KEY = VALUE alone")};
+    }
+    std::istringstream one(text);
+    for (CLI::ConfigItem& item : CLI::ConfigTOML::from_config(one)) {
+      const std::string key = item.fullname();
+      const Option& option = option_named(key, line);
+      const auto [first, fresh] = lines.emplace(key, line);
+      if (!fresh) {
+        throw ConfigLineError{
+            line, absl::StrFormat("%s is given in line %d, too; remove one of them", key, first->second)};
+      }
+      if (item.inputs.size() > 1 && !std::holds_alternative<AddressListOption>(option.kind)) {
+        throw ConfigLineError{
+            line, absl::StrFormat("%s has %d values; write one, in quotes", key, item.inputs.size())};
+      }
+      item.inputs = {absl::StrJoin(item.inputs, ",")};
+      if (absl::Status status = check_(option, item.inputs.front()); !status.ok()) {
+        throw ConfigLineError{line, std::string(status.message())};
+      }
+      read.push_back(std::move(item));
+    }
+  }
+  return read;
+}
+
+}  // namespace
+}  // namespace candela
 
 #ifndef CANDELA_VERSION
 #error "the build sets CANDELA_VERSION"

@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "server/base/clock.h"
-#include "server/base/stop_sign.h"
 
 namespace candela {
 

@@ -9,8 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/base/status_macros.h"
-#include "server/encode/jpeg_codes.h"
-#include "server/encode/jpeg_segments.h"
+#include "server/encode/jpeg.h"
 
 namespace candela {
 namespace {

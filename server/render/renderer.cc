@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/base/process/cgroup.h"
+#include "server/base/process.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
 #include "server/render/device/device_executor.h"

@@ -10,7 +10,7 @@
 #include "absl/time/time.h"
 #include "server/rpc/server_call.h"
 #include "server/rpc/service_state.h"
-#include "server/session/environments/environment_start.h"
+#include "server/session/environment_start.h"
 
 namespace candela {
 

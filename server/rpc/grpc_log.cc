@@ -9,8 +9,8 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
+#include "server/base/clock.h"
 #include "server/base/log.h"
-#include "server/base/net/rate_limit.h"
 
 namespace candela {
 namespace {

@@ -8,8 +8,8 @@
 #include "proto/candela/v1/message_wire.h"
 #include "server/base/log.h"
 #include "server/base/status_macros.h"
-#include "server/rpc/wire/parse_request.h"
-#include "server/schedule/frame_metrics.h"
+#include "server/rpc/band_reader.h"
+#include "server/schedule/render_loop.h"
 
 namespace candela {
 

@@ -11,10 +11,10 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "server/rpc/admission.h"
+#include "server/rpc/band_reader.h"
+#include "server/rpc/result_writer.h"
 #include "server/rpc/server_call.h"
 #include "server/rpc/service_state.h"
-#include "server/rpc/wire/band_reader.h"
-#include "server/rpc/wire/result_writer.h"
 #include "server/session/render_start.h"
 
 namespace candela {

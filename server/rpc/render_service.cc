@@ -1,21 +1,64 @@
 #include "server/rpc/render_service.h"
 
+#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <memory>
+#include <string>
 #include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "server/access/client_identity.h"
 #include "server/render/self_test.h"
-#include "server/rpc/environments/bake_environment_call.h"
-#include "server/rpc/environments/put_environment_call.h"
-#include "server/rpc/grpc_call.h"
+#include "server/rpc/environment_calls.h"
 #include "server/rpc/render_call.h"
+#include "server/rpc/server_call.h"
+#include "server/rpc/status.h"
 #include "server/rpc/stream_call.h"
-#include "server/rpc/wire/status.h"
 
 namespace candela {
-
 namespace {
+
+// The transport that gRPC is.
+
+using GrpcReactor = grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>;
+
+// Owns itself until gRPC calls OnDone, and keeps its call as long.
+class GrpcCall final : public GrpcReactor, public CallTransport {
+ public:
+  GrpcCall(grpc::CallbackServerContext& context,
+           absl::FunctionRef<std::shared_ptr<ServerCall>(CallTransport&)> begin)
+      : context_(context), call_(begin(*this)) {}
+
+  void start_read(grpc::ByteBuffer* message) override { StartRead(message); }
+  void start_write(const grpc::ByteBuffer* message) override { StartWrite(message); }
+  void finish(const grpc::Status& status) override { Finish(status); }
+  void cancel() override { context_.TryCancel(); }
+  bool is_cancelled() const override { return context_.IsCancelled(); }
+  absl::Time deadline() const override { return absl::FromChrono(context_.deadline()); }
+  std::string peer() const override { return client_address(context_); }
+  bool straight_from_this_host() const override { return is_straight_from_this_host(context_); }
+  std::string identity(bool tokens) const override { return client_identity(context_, tokens); }
+
+  void OnReadDone(bool ok) override { call_->on_read_done(ok); }
+  void OnWriteDone(bool ok) override { call_->on_write_done(ok); }
+  void OnCancel() override { call_->on_cancel(); }
+  void OnDone() override {
+    call_->on_done();
+    delete this;
+  }
+
+ private:
+  grpc::CallbackServerContext& context_;
+  const std::shared_ptr<ServerCall> call_;  // last: it begins with the rest of this object
+};
+
+// Begins the call that `begin` makes for its transport, and returns what gRPC's handler has to return. gRPC's
+// reactions reach the call from then on.
+GrpcReactor* serve_call(grpc::CallbackServerContext* context,
+                        absl::FunctionRef<std::shared_ptr<ServerCall>(CallTransport&)> begin) {
+  return new GrpcCall(*context, begin);
+}
 
 // The indices of rpcs in render.proto. On the wire, a call with one request or one answer is a stream with
 // one message, and these are handled as streams. The generated class has no raw handler for that.

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "server/rpc/wire/status.h"
+#include "server/rpc/status.h"
 
 namespace candela {
 namespace {

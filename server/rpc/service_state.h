@@ -12,10 +12,9 @@
 #include "server/base/metrics.h"
 #include "server/base/worker_pool.h"
 #include "server/render/frame_maker.h"
-#include "server/schedule/render_steps.h"
-#include "server/session/environments/environment_store.h"
-#include "server/session/limits/call_gate.h"
-#include "server/session/memory/memory_region.h"
+#include "server/schedule/render_loop.h"
+#include "server/session/environment_store.h"
+#include "server/session/memory_region.h"
 #include "server/session/sessions.h"
 
 namespace candela {

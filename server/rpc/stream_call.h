@@ -1,9 +1,10 @@
-// One Stream call: the protocol of a session, from its open message to its last result.
+// A session's call: the protocol, uploads, frames and answers.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,17 +12,57 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
+#include "server/base/clock.h"
 #include "server/rpc/admission.h"
+#include "server/rpc/band_reader.h"
+#include "server/rpc/result_writer.h"
 #include "server/rpc/server_call.h"
 #include "server/rpc/service_state.h"
-#include "server/rpc/stream_answers.h"
-#include "server/rpc/wire/band_reader.h"
+#include "server/session/resume_token.h"
 #include "server/session/session_frames.h"
-#include "server/session/session_table.h"
-#include "server/session/settings_track.h"
+#include "server/session/sessions.h"
+#include "server/session/stream_start.h"
 
 namespace candela {
 
+// The messages that a stream sends: notices and the answers to its frames.
+//
+// Answers come in the order of the frames, each one whole. A notice is sent before the next answer. Not
+// thread-safe.
+class StreamAnswers {
+ public:
+  // `keys` and `clock` outlive this object. `device` is the name of the Vulkan device.
+  StreamAnswers(const TokenKeys& keys, const StreamStart& start, uint64_t epoch, std::string device,
+                Clock& clock);
+
+  void notify(const v1::StreamResponse& notice);
+
+  // Puts the next message into `message` and forgets each frame of `frames` whose answer is complete. Returns
+  // false if nothing can be sent yet.
+  bool next(SessionFrames& frames, grpc::ByteBuffer& message);
+
+  // The call has ended: releases the memory of the frame that was being sent.
+  void end() { writer_.reset(); }
+
+ private:
+  grpc::ByteBuffer result(const SessionFrames::Entry& frame, const ExposurePoint& exposure) const;
+  grpc::ByteBuffer failure(const SessionFrames::Entry& frame, const ExposurePoint& exposure) const;
+  std::string token(const SessionFrames::Entry& frame, const ExposurePoint& exposure) const;
+
+  const TokenKeys& keys_;
+  const std::string session_;
+  const uint64_t epoch_;
+  const v1::Encoding encoding_;
+  const bool return_state_;
+  const std::string device_;
+  Clock& clock_;
+  std::deque<grpc::ByteBuffer> notices_;
+  std::optional<ResultWriter> writer_;  // of the first frame, while its result is sent
+};
+
+// One Stream call: the protocol of a session, from its open message to its last result.
+//
 // Reads, renders and writes at the same time. It reads one message at a time, in these states:
 //
 //   open -> between -> first band -> admission -> bands -> between ... -> closed

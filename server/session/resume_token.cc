@@ -5,6 +5,7 @@
 #include <openssl/rand.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -24,7 +25,7 @@ namespace {
 
 // The layout of a token: version, key id, length of the body in two bytes, body, and the HMAC-SHA256 of all
 // of that.
-constexpr char kVersion = 1;
+constexpr char kTokenVersion = 1;
 constexpr size_t kKeyIdBytes = 8;
 constexpr size_t kHeadBytes = 1 + kKeyIdBytes + 2;
 constexpr size_t kMacBytes = 32;
@@ -152,7 +153,7 @@ std::string TokenKeys::seal(const ResumePoint& point, absl::Time now) const {
   const Key& key = keys_.front();
   const std::string body = body_of(point, now + ttl_).SerializeAsString();
   const char size[2] = {static_cast<char>(body.size() >> 8), static_cast<char>(body.size())};
-  std::string token = kVersion + key.id + std::string(size, sizeof size) + body;
+  std::string token = kTokenVersion + key.id + std::string(size, sizeof size) + body;
   token += hmac(key.bytes, token);
   return token;
 }
@@ -163,7 +164,7 @@ absl::StatusOr<ResumePoint> TokenKeys::open(std::string_view token, const std::s
     return refused(
         absl::StrFormat("has %d bytes and a token has at most %d", token.size(), v1::kMaxTokenBytes));
   }
-  if (!token.empty() && token[0] != kVersion) {
+  if (!token.empty() && token[0] != kTokenVersion) {
     return refused("has another version than this server's tokens");
   }
   const auto byte = [&token](size_t i) { return static_cast<size_t>(static_cast<unsigned char>(token[i])); };
@@ -202,6 +203,59 @@ absl::StatusOr<ResumePoint> TokenKeys::open(std::string_view token, const std::s
 
 std::string settings_hash(const google::protobuf::Message& settings) {
   return sha256(v1::deterministic_bytes(settings)).substr(0, kSettingsHashBytes);
+}
+
+namespace {
+
+absl::Status check_picture(const v1::SessionState& state) {
+  const int cells = static_cast<int>(ScenePrint().size());
+  if (state.picture_size() != 0 && state.picture_size() != cells) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "open.state.picture has %d cells; it must have %d, or none", state.picture_size(), cells));
+  }
+  for (const float cell : state.picture()) {
+    // A cell with nothing metered is NaN.
+    if (std::isnan(cell) || (cell >= v1::kPictureEv.min && cell <= v1::kPictureEv.max)) continue;
+    return absl::InvalidArgumentError(
+        absl::StrFormat("open.state.picture has a cell of %g; a cell must be between %g and %g EV, or NaN",
+                        cell, v1::kPictureEv.min, v1::kPictureEv.max));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+v1::SessionState state_of(const ExposurePoint& point) {
+  v1::SessionState state;
+  state.set_sequence(point.sequence);
+  state.set_media_time_ns(point.media_time_ns);
+  state.set_exposure(point.exposed.exposure);
+  state.set_target(point.exposed.target);
+  state.set_cut_pending(point.cut_pending);
+  if (point.print) state.mutable_picture()->Assign(point.print->begin(), point.print->end());
+  return state;
+}
+
+absl::StatusOr<ExposurePoint> point_from(const v1::SessionState& state) {
+  RETURN_IF_ERROR(check_factor("open.state.exposure", state.exposure()));
+  RETURN_IF_ERROR(check_factor("open.state.target", state.target()));
+  if (state.media_time_ns() < v1::kMediaTimeNs.min || state.media_time_ns() > v1::kMediaTimeNs.max) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("open.state.media_time_ns is %d; it must be between %d and %d", state.media_time_ns(),
+                        v1::kMediaTimeNs.min, v1::kMediaTimeNs.max));
+  }
+  RETURN_IF_ERROR(check_picture(state));
+  ExposurePoint point{.begun = true,
+                      .sequence = state.sequence(),
+                      .media_time_ns = state.media_time_ns(),
+                      .exposed = {state.exposure(), state.target()},
+                      .before = state.exposure(),
+                      .cut_pending = state.cut_pending(),
+                      .print = std::nullopt};
+  if (state.picture_size() > 0) {
+    std::copy(state.picture().begin(), state.picture().end(), point.print.emplace().begin());
+  }
+  return point;
 }
 
 }  // namespace candela

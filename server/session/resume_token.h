@@ -12,6 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "candela/v1/render.pb.h"
 #include "server/session/exposure_track.h"
 
 namespace candela {
@@ -63,5 +64,14 @@ class TokenKeys {
 
 // A hash that identifies settings: 16 bytes of the SHA-256 of their deterministic serialisation.
 std::string settings_hash(const google::protobuf::Message& settings);
+
+// A session's exposure as clients keep it: the SessionState of render.proto.
+
+// The state after a frame. `point` has begun.
+v1::SessionState state_of(const ExposurePoint& point);
+
+// The point that a new session continues after. A client may claim any state, so every value is checked:
+// INVALID_ARGUMENT with the field, its value and its range.
+absl::StatusOr<ExposurePoint> point_from(const v1::SessionState& state);
 
 }  // namespace candela

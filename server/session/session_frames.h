@@ -14,7 +14,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
-#include "server/schedule/frame_queue.h"
+#include "server/schedule/render_loop.h"
 #include "server/session/exposure_track.h"
 #include "server/session/render_start.h"
 

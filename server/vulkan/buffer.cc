@@ -9,7 +9,6 @@
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
 #include "server/vulkan/functions.h"
-#include "server/vulkan/result.h"
 
 namespace candela {
 namespace {

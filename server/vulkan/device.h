@@ -1,10 +1,11 @@
-// One headless Vulkan device with one compute queue, or the host in its place.
+// Whether there is a GPU, without asking Vulkan. Internal to server/vulkan and its tests.
 #pragma once
 
 #include <vulkan/vulkan.h>
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,6 +14,12 @@
 #include "absl/time/time.h"
 
 namespace candela {
+
+// Whether the kernel shows one among its devices: a render node of DRM, or NVIDIA's or WSL's own. It may
+// still have no driver for Vulkan.
+bool has_gpu(const std::filesystem::path& devices = "/dev");
+
+// One headless Vulkan device with one compute queue, or the host in its place.
 
 // The selector of the host: nothing of Vulkan is loaded, and its buffers are memory of the heap.
 inline constexpr char kHostDevice[] = "host";

@@ -80,4 +80,17 @@ CANDELA_VULKAN_FUNCTIONS(CANDELA_DECLARE)
 // install, if there is no loader. Any thread.
 absl::Status load_vulkan();
 
+// Converts VkResult to absl::Status.
+
+// OK for VK_SUCCESS, RESOURCE_EXHAUSTED if memory ran out, UNAVAILABLE if the device is lost, INTERNAL
+// otherwise. `what` names the call, such as "vkQueueSubmit".
+absl::Status vulkan_status(VkResult result, const char* what);
+
 }  // namespace candela
+
+#define CANDELA_VK(call)                                                                                     \
+  do {                                                                                                       \
+    if (absl::Status candela_vk_status = ::candela::vulkan_status((call), #call); !candela_vk_status.ok()) { \
+      return candela_vk_status;                                                                              \
+    }                                                                                                        \
+  } while (false)

@@ -8,7 +8,6 @@
 #include "server/base/status_macros.h"
 #include "server/vulkan/functions.h"
 #include "server/vulkan/pipeline.h"
-#include "server/vulkan/result.h"
 
 namespace candela {
 

@@ -4,7 +4,7 @@
 #include <ctime>
 
 #include "absl/time/time.h"
-#include "server/base/process/driver_environment.h"
+#include "server/base/process.h"
 #include "server/render/settings/tiers.h"
 #include "tests/support/clock/real_clock.h"
 

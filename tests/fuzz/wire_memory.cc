@@ -8,7 +8,7 @@
 #include <string>
 
 #include "proto/candela/v1/pixel_size.h"
-#include "server/session/memory/memory_region.h"
+#include "server/session/memory_region.h"
 #include "tests/fuzz/expect.h"
 
 namespace candela {

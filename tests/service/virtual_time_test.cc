@@ -5,7 +5,7 @@
 #include <string>
 #include <thread>
 
-#include "server/session/limits/client_memory.h"
+#include "server/session/client_memory.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/stream_client.h"
 #include "tests/support/clock/virtual_clock.h"

@@ -11,7 +11,7 @@
 #include "server/encode/image_file.h"
 #include "server/render/environment/environment.h"
 #include "server/render/environment/view.h"
-#include "server/session/environments/environment_start.h"
+#include "server/session/environment_start.h"
 
 namespace candela::testing {
 namespace {

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "client/call/client_call.h"
-#include "server/rpc/call_transport.h"
 #include "server/rpc/server_call.h"
 #include "tests/simulator/process.h"
 

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/rpc/stream_call.h"
-#include "server/session/drain.h"
+#include "server/session/sessions.h"
 #include "tests/simulator/film.h"
 #include "tests/support/simulated/frame_maker.h"
 

@@ -10,7 +10,7 @@
 #include "client/cli/options/server_options.h"
 #include "client/cli/terminal.h"
 #include "client/connection.h"
-#include "server/base/net/address.h"
+#include "server/base/address.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -30,7 +30,7 @@
 #include "client/run/server_link.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
-#include "server/base/words/rounded_up.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

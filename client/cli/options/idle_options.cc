@@ -8,8 +8,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
-#include "server/base/net/address.h"
-#include "server/base/words/near_words.h"
+#include "server/base/address.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -17,7 +17,7 @@
 #include "candela/v1/render.pb.h"
 #include "client/base/failure.h"
 #include "proto/candela/v1/settings.h"
-#include "server/base/words/near_words.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -11,9 +11,9 @@
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
-#include "server/base/net/address.h"
+#include "server/base/address.h"
 #include "server/base/status_macros.h"
-#include "server/base/words/variables.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -20,7 +20,7 @@
 #include "client/run/frame_files.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"
-#include "server/base/words/near_words.h"
+#include "server/base/words.h"
 
 namespace candela {
 namespace {

@@ -20,7 +20,7 @@
 #include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
 #include "server/encode/gain_map.h"
-#include "server/encode/jpeg_segments.h"
+#include "server/encode/jpeg.h"
 // jpeglib.h needs FILE and size_t to be declared before it.
 #include <cstdio>
 // clang-format off

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/process/cgroup.h"
+#include "server/base/process.h"
 #include "server/base/slices.h"
 
 namespace candela {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "absl/strings/str_format.h"
-#include "server/base/words/rounded_up.h"
+#include "server/base/words.h"
 #include "server/render/color/hdr_signal.h"
 #include "server/render/color/portable_math.h"
 #include "server/render/settings/output_size.h"

@@ -1,5 +1,5 @@
 // Clients of the `.memory` socket that do not keep to docs/transport.md, in virtual time.
-#include "server/session/memory/memory_door.h"
+#include "server/session/memory_door.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/net/listening_socket.h"
-#include "server/session/limits/client_memory.h"
+#include "server/base/listening_socket.h"
+#include "server/session/client_memory.h"
 #include "tests/service/memory/raw_region.h"
 #include "tests/support/clock/virtual_clock.h"
 #include "tests/support/files.h"

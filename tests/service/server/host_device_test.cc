@@ -4,7 +4,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "server/device_keeper.h"
-#include "server/vulkan/gpu.h"
+#include "server/vulkan/device.h"
 #include "tests/service/environments/environment_fixture.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/session_run.h"

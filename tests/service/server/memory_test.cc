@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "client/call/retry_schedule.h"
-#include "server/session/limits/client_memory.h"
+#include "server/session/client_memory.h"
 #include "tests/service/service_fixture.h"
 #include "tests/service/sessions/neighbours.h"
 #include "tests/service/sessions/stream_client.h"

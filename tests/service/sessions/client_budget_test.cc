@@ -1,6 +1,4 @@
 // Who a client is, and how much of a budget it may hold.
-#include "server/session/limits/client_budget.h"
-
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -10,7 +8,7 @@
 #include <vector>
 
 #include "server/access/client_identity.h"
-#include "server/session/limits/client_memory.h"
+#include "server/session/client_memory.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

@@ -1,5 +1,5 @@
 // Memory for pixels is kept and used again, within its limits, and shows nobody the pixels of before.
-#include "server/base/process/pixel_memory.h"
+#include "server/base/pixel_memory.h"
 
 #include <OpenEXR/ImfThreading.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "server/rpc/wire/band_reader.h"
+#include "server/rpc/band_reader.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,3 @@
-#include "server/base/process/cgroup.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -7,6 +5,7 @@
 #include <string>
 #include <thread>
 
+#include "server/base/process.h"
 #include "tests/support/files.h"
 
 namespace candela {

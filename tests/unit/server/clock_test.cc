@@ -10,8 +10,6 @@
 #include <vector>
 
 #include "server/base/file_watch.h"
-#include "server/base/net/rate_limit.h"
-#include "server/base/stop_sign.h"
 #include "tests/support/clock/real_clock.h"
 #include "tests/support/clock/virtual_clock.h"
 #include "tests/support/files.h"

@@ -8,10 +8,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "server/base/words/units.h"
+#include "server/base/words.h"
 #include "server/daemon/flags.h"
-#include "server/listen_address.h"
-#include "server/option_table.h"
 #include "tests/support/files.h"
 #include "tests/support/process.h"
 #include "tests/support/status.h"

@@ -1,8 +1,8 @@
-#include "server/session/drain.h"
-
 #include <gtest/gtest.h>
 
 #include <optional>
+
+#include "server/session/sessions.h"
 
 namespace candela {
 namespace {

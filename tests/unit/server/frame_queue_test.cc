@@ -1,11 +1,10 @@
 // The order in which the queue serves the frames of several flows.
-#include "server/schedule/frame_queue.h"
-
 #include <gtest/gtest.h>
 
 #include <map>
 #include <string>
 
+#include "server/schedule/render_loop.h"
 #include "tests/support/status.h"
 
 namespace candela {

@@ -1,11 +1,9 @@
 // Words that do not exist, and the variables of the environment that nothing reads.
-#include "server/base/words/near_words.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 
-#include "server/base/words/variables.h"
+#include "server/base/words.h"
 #include "tests/support/process.h"
 
 namespace candela::v1 {

@@ -1,5 +1,3 @@
-#include "server/own_door.h"
-
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <unistd.h>
@@ -10,8 +8,8 @@
 #include <vector>
 
 #include "absl/synchronization/mutex.h"
-#include "server/accept_loop.h"
-#include "server/base/net/listening_socket.h"
+#include "server/base/listening_socket.h"
+#include "server/grpc_listener.h"
 #include "tests/support/clock/real_clock.h"
 #include "tests/support/clock/virtual_clock.h"
 

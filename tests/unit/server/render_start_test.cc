@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "proto/candela/v1/limits.h"
-#include "server/rpc/wire/parse_request.h"
+#include "server/rpc/band_reader.h"
 #include "tests/support/status.h"
 
 namespace candela {

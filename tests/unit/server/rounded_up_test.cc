@@ -1,8 +1,8 @@
-#include "server/base/words/rounded_up.h"
-
 #include <gtest/gtest.h>
 
 #include <string>
+
+#include "server/base/words.h"
 
 namespace candela::v1 {
 namespace {

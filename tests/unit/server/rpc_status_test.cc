@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "server/rpc/wire/status.h"
+#include "server/rpc/status.h"
 
 namespace candela {
 namespace {

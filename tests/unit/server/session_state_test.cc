@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "proto/candela/v1/limits.h"
-#include "server/session/exposure_state.h"
 #include "server/session/render_start.h"
+#include "server/session/resume_token.h"
 #include "server/session/stream_start.h"
 #include "tests/support/status.h"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "proto/candela/v1/message_wire.h"
-#include "server/session/drain.h"
+#include "server/session/sessions.h"
 #include "tests/support/clock/virtual_clock.h"
 #include "tests/support/status.h"
 
