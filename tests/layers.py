@@ -39,8 +39,8 @@ READS_TIME = {"server/base/clock.cc",
               "server/base/metrics.cc", "server/base/metrics.cc",  # when the process started
               "server/daemon/main.cc",  # a signal is waited for by the kernel
               # Work that is measured, or cut where its slice ends. Its slices have to be of real time.
-              "server/base/crew.cc", "server/render/device/submissions.cc", "server/render/environment/long_passes.cc",
-              "server/render/plan/stage_time.cc", "server/render/reference/row_parts.cc"}
+              "server/base/crew.cc", "server/render/device/submissions.cc", "server/render/environment/environment_baker.cc",
+              "server/render/plan/frame_stats.cc", "server/render/reference/reference_frame.cc"}
 KEEPS_TIME = ("server/", "client/call/", "client/retry", "client/session")
 
 # Exposures, metering's weights and tokens have the same bits on every machine. Powers and logarithms of C libraries have not.

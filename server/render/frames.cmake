@@ -3,15 +3,13 @@ set(candela_host_kernels
     host/bloom/bloom_levels.cc host/bloom/bright_pass.cc host/ingest/ingest_tiles.cc host/resize/resize.cc
     host/resolve/resolve.cc host/view/view.cc)
 set(candela_frames_sources
-    color/aces2_table.cc color/gain_curve.cc color/hdr_signal.cc frame/executor.cc frame/frame_memory.cc
-    frame/table_points.cc frame/texture_pool.cc frame/tile_sums.cc plan/bloom_plan.cc plan/exposure.cc
-    plan/lit_area.cc plan/metering.cc plan/plan.cc plan/stage_time.cc plan/texture_layout.cc
-    settings/error_bound.cc settings/frame.cc settings/gain_curve_of.cc settings/hdr_display.cc
-    settings/settings.cc settings/tiers.cc
-    ${candela_host_kernels} environment/cube_levels.cc environment/harmonics.cc environment/host_views.cc
-                            environment/view.cc environment/view_scene.cc environment/view_tiles.cc
+    color/aces2.cc color/hdr_signal.cc frame/executor.cc frame/frame_memory.cc frame/table_points.cc
+    frame/texture_pool.cc frame/tile_sums.cc plan/exposure.cc plan/frame_stats.cc plan/lit_area.cc
+    plan/plan.cc plan/texture_layout.cc settings/error_bound.cc settings/gain_curve_of.cc
+    settings/hdr_display.cc settings/settings.cc settings/tiers.cc
+    ${candela_host_kernels} environment/environment.cc environment/view.cc environment/view_scene.cc
                             host/bloom/run_bloom.cc host/host_executor.cc host/resize/run_resize.cc
-                            host/resolve/run_resolve.cc plan/resize_plan.cc settings/output_size.cc)
+                            host/resolve/run_resolve.cc plan/resize_plan.cc)
 
 # The kernels are nothing but calls that have to be inlined, in a debug build, too. Highway's NEON comes with AES, and what the
 # compiler writes by itself, such as constructors, has to be for the same target.

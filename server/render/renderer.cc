@@ -11,7 +11,7 @@
 #include "server/render/environment/environment_baker.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/host/host_executor.h"
-#include "server/render/plan/bloom_plan.h"
+#include "server/render/plan/plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/reference/reference_executor.h"
 #include "server/render/reference/verify.h"

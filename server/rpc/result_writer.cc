@@ -10,7 +10,7 @@
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/encode/image_file.h"
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 
 namespace candela {
 namespace {

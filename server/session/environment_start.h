@@ -9,7 +9,7 @@
 #include "candela/v1/render.pb.h"
 #include "server/render/environment/environment.h"
 #include "server/render/environment/view.h"
-#include "server/render/settings/frame.h"
+#include "server/render/settings/settings.h"
 #include "server/session/render_start.h"
 
 namespace candela {

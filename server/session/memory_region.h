@@ -16,7 +16,7 @@
 #include "absl/synchronization/mutex.h"
 #include "candela/v1/render.pb.h"
 #include "server/render/frame/frame_memory.h"
-#include "server/render/settings/output_size.h"
+#include "server/render/settings/settings.h"
 #include "server/session/render_start.h"
 
 namespace candela {

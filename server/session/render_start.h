@@ -8,7 +8,6 @@
 #include "candela/v1/render.pb.h"
 #include "server/render/frame/frame_memory.h"
 #include "server/render/plan/exposure.h"
-#include "server/render/settings/frame.h"
 #include "server/render/settings/settings.h"
 
 namespace candela {

@@ -1,6 +1,6 @@
 // The code, 0 .. 1, of a gain map beside an SDR image (docs/pipeline.md section 5).
 //
-// The including shader declares gain_points, cubic pieces that server/render/color/gain_curve.h makes. This file is
+// The including shader declares gain_points, cubic pieces that server/render/color/hdr_signal.h makes. This file is
 // C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
 
 float gain_code(vec3 exposed) {

@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "server/render/device/passes.h"
-#include "server/render/device/table_cache.h"
 #include "server/render/environment/environment_baker.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/host/bloom/run_bloom.h"
@@ -153,8 +152,7 @@ absl::Status render(const Workbench& bench, Runner& runner, const testing::WireF
   const absl::StatusOr<std::shared_ptr<const ColorTable>> colors = color_table_of(settings, *metered);
   if (!colors.ok()) return colors.status();
   const FrameTextures& textures = memory->textures();
-  const Plan plan =
-      plan_frame(textures.layout, *metered, settings, {.table = *colors});
+  const Plan plan = plan_frame(textures.layout, *metered, settings, {.table = *colors});
   if (absl::Status status = runner.use_tables(plan); !status.ok()) return status;
   for (const BloomStep& step : plan.bloom_steps) {
     absl::Status status = counted(kind + "/" + name(step.pass), [&] { return runner.bloom(step, textures); });

@@ -2,7 +2,6 @@
 #include <half.h>
 
 #include "absl/strings/str_cat.h"
-#include "server/render/environment/host_views.h"
 #include "server/render/environment/view_scene.h"
 #include "tests/bits/bits.h"
 #include "tests/support/settings.h"

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "proto/candela/v1/settings.h"
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 #include "shaders/reference.h"
 #include "tests/support/frame_error.h"
 #include "tests/support/settings.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 #include "shaders/reference.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/settings.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <utility>
 
-#include "server/render/environment/panorama_upload.h"
+#include "server/render/environment/environment_baker.h"
 #include "server/vulkan/functions.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "proto/candela/v1/limits.h"
-#include "server/render/settings/frame.h"
+#include "server/render/settings/settings.h"
 #include "tests/fuzz/wire_input.h"
 
 namespace candela {

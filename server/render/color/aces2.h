@@ -1,19 +1,57 @@
-// The ACES 2.0 output transform in double precision: tone scale, chroma compression and gamut compression in
-// the appearance space JMh. Source: Academy S-2024 "ACES Output Transform 2.0"
-// (github.com/aces-aswf/aces-core, CTL), with the tables by hue as OpenColorIO 2.5 makes them.
+// What ACES 2.0 does to grey: the response of a cone to light, lightness, and the tone scale. Internal to
+// server/render/color. Any thread.
 #pragma once
 
 #include <ImathMatrix.h>
 #include <ImathVec.h>
 
+#include <algorithm>
 #include <array>
+#include <memory>
 #include <vector>
 
-#include "server/render/color/aces2_tone.h"
+#include "candela/v1/render.pb.h"
 #include "server/render/color/primaries.h"
+#include "shaders/color_table.h"
+
+namespace candela::aces2 {
+
+inline constexpr double kReference = 100.0;  // nit of 1.0, and of the white of the appearance space
+extern const double kGamma;                  // of lightness over the achromatic response
+extern const double kAdaptedLight;           // of 1 nit, in the cones' unit
+
+// x^y for x >= 0 and y > 0: the C library's, or candela::portable_power().
+using Power = double (*)(double x, double y);
+double library_power(double x, double y);
+
+// The response of a cone to light in nit, and back.
+double respond(double light, Power power = library_power);
+double light_of(double response, Power power = library_power);
+
+// Lightness of an achromatic response, which is 1 for 100 nit, and back; and of grey of so many nit.
+double J_of_response(double A);
+double response_of(double J);
+double J_of(double nits);
+
+struct ToneScale {
+  explicit ToneScale(double peak_nits);
+
+  // The display's achromatic response to the scene's.
+  double response(double A, Power power) const;
+  // The same for lightness.
+  double operator()(double J) const { return J_of_response(response(response_of(J), library_power)); }
+
+  double g, t_1, c_t, s_2, m_2, r_hit, log_peak;
+};
+
+}  // namespace candela::aces2
 
 namespace candela {
 
+// The ACES 2.0 output transform in double precision: tone scale, chroma compression and gamut compression in
+// the appearance space JMh. Source: Academy S-2024 "ACES Output Transform 2.0"
+// (github.com/aces-aswf/aces-core, CTL), with the tables by hue as OpenColorIO 2.5 makes them.
+//
 // Any thread once it is made, which takes 10 ms.
 class Aces2 {
  public:
@@ -86,5 +124,26 @@ class Aces2 {
   std::vector<double> hues_;             // of the cusps, from below 0 to beyond 360, ascending
   std::vector<Cusp> cusps_;
 };
+
+// The curve `aces-2`: ACES 2.0 for SDR video of 100 nit in Rec.709, and for HDR displays (docs/pipeline.md
+// section 5).
+
+// What it is made for.
+struct Aces2Display {
+  double peak_nits = 100.0;
+  v1::Primaries limit = v1::PRIMARIES_REC709;  // its light is within their gamut, and in them
+};
+
+// The peaks of HDR displays for which the Academy has published it, in nit.
+inline constexpr double kAces2HdrPeaks[] = {500, 1000, 2000, 4000};
+constexpr bool aces_2_has_peak(double peak_nits) { return std::ranges::count(kAces2HdrPeaks, peak_nits) > 0; }
+
+// Exposed scene light (Rec.709, linear, outside of its gamut also negative) to display-linear light, 0 .. 1
+// at the peak, in double precision. Light outside of ACES AP1 is cut to it. An HDR display has the limit
+// P3_D65 or REC2020, and aces_2_has_peak(). Any thread.
+std::array<double, 3> aces_2(const std::array<double, 3>& exposed, const Aces2Display& display = {});
+
+// What resolve computes it from; made once for each display, in 20 ms. Any thread.
+std::shared_ptr<const ColorTable> aces_2_table(const Aces2Display& display = {});
 
 }  // namespace candela

@@ -5,7 +5,7 @@
 
 #include "server/base/status_macros.h"
 #include "server/render/device/passes.h"
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 
 namespace candela {
 

@@ -3,10 +3,8 @@
 
 #include <memory>
 
-#include "server/render/device/pace.h"
 #include "server/render/device/passes.h"
 #include "server/render/device/submissions.h"
-#include "server/render/device/table_cache.h"
 #include "server/render/frame/executor.h"
 #include "server/render/frame/tile_sums.h"
 #include "server/vulkan/pipeline.h"

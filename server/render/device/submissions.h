@@ -1,4 +1,4 @@
-// What the device does for one phase of a frame: one submission or, in slices, several.
+// How fast the device does each kind of work, learned from what it took before.
 #pragma once
 
 #include <cstdint>
@@ -8,13 +8,38 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
-#include "server/render/device/pace.h"
-#include "server/render/plan/box.h"
-#include "server/render/plan/stage_time.h"
+#include "server/render/plan/frame_stats.h"
+#include "server/render/plan/lit_area.h"
 #include "server/vulkan/recorder.h"
 
 namespace candela {
 
+// Tells how much work fits into a submission, so that a slice (server/base/slices.h) is not much longer than
+// it should be. One thread at a time.
+class Pace {
+ public:
+  // `first`: the seconds that a unit of cost takes before anything is known.
+  explicit Pace(double first) : first_(first) {}
+
+  // The seconds that a unit of cost takes. Work of one kind has one address, such as that of its name.
+  double of(const void* kind) const;
+  // The cost that a submission should have.
+  double affordable(const void* kind) const;
+  // Work of this cost took this time. One time may have been disturbed, so the pace changes by a limited
+  // factor.
+  void learn(const void* kind, double cost, double seconds);
+
+  // A submission aims at this. Work on the same cores may make it half as long again; it should stay within
+  // kSlice.
+  static constexpr double kSubmissionSeconds = 0.025;
+
+ private:
+  const double first_;
+  std::map<const void*, double> seconds_per_cost_;
+};
+
+// What the device does for one phase of a frame: one submission or, in slices, several.
+//
 // If the calling thread runs in slices (server/base/slices.h), a stage is cut where a submission would take
 // longer than a slice, and checkpoint() is called between two submissions; other frames may use the recorder
 // there. Otherwise all stages are one submission. The bits are the same. begin(); stages and what else is

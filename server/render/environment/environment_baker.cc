@@ -4,21 +4,209 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "proto/candela/v1/settings.h"
 #include "server/base/check.h"
+#include "server/base/slices.h"
 #include "server/base/status_macros.h"
+#include "server/render/environment/view_scene.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/plan/texture_layout.h"
 #include "shaders/brdf_table.spv.h"
 #include "shaders/cube_down.spv.h"
 #include "shaders/cube_face.spv.h"
 #include "shaders/cube_specular.spv.h"
+#include "shaders/environment/environment_params.h"
 #include "shaders/panorama.spv.h"
 #include "shaders/panorama_sh.spv.h"
+#include "shaders/view.spv.h"
 
 namespace candela {
+namespace {
+
+// Before the pace of a pass is known, a look-up counts as this slow. The software device takes 12 to 25 ns.
+constexpr double kFirstBakePace = 60e-9;
+// What is read at a time from memory that is not mapped.
+constexpr uint64_t kReadBytes = uint64_t{16} << 20;
+constexpr uint64_t kMaxGroups = 65535;  // that every device can run side by side
+
+}  // namespace
+
+LongPasses::LongPasses(TexturePool& pool, PipelineCache pipelines, Recorder recorder)
+    : pool_(&pool), pipelines_(std::move(pipelines)), recorder_(std::move(recorder)), pace_(kFirstBakePace) {}
+
+absl::StatusOr<LongPasses> LongPasses::create(const Device& device, TexturePool& pool) {
+  ASSIGN_OR_RETURN(PipelineCache pipelines, PipelineCache::create(device));
+  ASSIGN_OR_RETURN(Recorder recorder, Recorder::create(device));
+  return LongPasses(pool, std::move(pipelines), std::move(recorder));
+}
+
+absl::Status LongPasses::submit(std::span<const uint32_t> spirv, double cost,
+                                const std::function<absl::Status()>& record) {
+  CHECK(cost > 0);
+  checkpoint();
+  RETURN_IF_ERROR(recorder_.begin());
+  RETURN_IF_ERROR(record());
+  recorder_.barrier_to_host();
+  const auto begin = std::chrono::steady_clock::now();
+  RETURN_IF_ERROR(recorder_.submit_and_wait());
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  pace_.learn(spirv.data(), cost, seconds);
+  return absl::OkStatus();
+}
+
+absl::Status LongPasses::run(const LongPass& pass, void* params, uint32_t params_bytes,
+                             shader::PassRange& range) {
+  ASSIGN_OR_RETURN(const VkPipeline pipeline, pipelines_.get(pass.spirv, pass.constants));
+  CHECK(pass.target_offset + pass.invocations * pass.invocation_bytes <= pass.target->bytes());
+  constexpr uint64_t kGroup = shader::ENVIRONMENT_GROUP;
+  const uint64_t most = std::min(kMaxGroups * kGroup, PipelineCache::kMaxWriteBytes / pass.invocation_bytes);
+  for (uint64_t first = 0; first < pass.invocations;) {
+    const auto groups = static_cast<uint64_t>(pace_.affordable(pass.spirv.data()) / (pass.cost * kGroup));
+    const uint64_t count =
+        std::min({std::max<uint64_t>(groups, 1) * kGroup, most / kGroup * kGroup, pass.invocations - first});
+    const auto record = [&]() -> absl::Status {
+      range = {static_cast<uint32_t>(first), static_cast<uint32_t>(count)};
+      const VkDescriptorBufferInfo written = {pass.target->handle(),
+                                              pass.target_offset + first * pass.invocation_bytes,
+                                              count * pass.invocation_bytes};
+      recorder_.bind(pipeline, pipelines_.layout(), pass.reads, written, params, params_bytes);
+      recorder_.dispatch(0, 0, static_cast<uint32_t>((count + kGroup - 1) / kGroup), 1);
+      return absl::OkStatus();
+    };
+    const double cost = pass.cost * static_cast<double>(count);
+    RETURN_IF_ERROR(submit(pass.spirv, cost, record));
+    first += count;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status LongPasses::run(const Steps& steps) {
+  for (uint32_t begin = 0; begin < steps.count;) {
+    const double most = pace_.affordable(steps.spirv.data());
+    double cost = steps.cost(begin);
+    uint32_t end = begin + 1;
+    while (end < steps.count && end - begin < steps.most && cost + steps.cost(end) <= most) {
+      cost += steps.cost(end++);
+    }
+    const auto record = [&] { return steps.record(begin, end); };
+    RETURN_IF_ERROR(submit(steps.spirv, cost, record));
+    begin = end;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<TexturePool::Lease> LongPasses::take(uint64_t bytes, MemoryUse use) {
+  return pool_->take({static_cast<uint32_t>((bytes + 15) / 16), 1, 16, use});
+}
+
+absl::StatusOr<TexturePool::Lease> LongPasses::upload(std::span<const std::byte> bytes) {
+  ASSIGN_OR_RETURN(TexturePool::Lease lease, take(bytes.size()));
+  if (lease.buffer().mapped() != nullptr) {
+    std::memcpy(lease.buffer().mapped(), bytes.data(), bytes.size());
+    return lease;
+  }
+  ASSIGN_OR_RETURN(const TexturePool::Lease staged, take(bytes.size(), MemoryUse::kUpload));
+  std::memcpy(staged.buffer().mapped(), bytes.data(), bytes.size());
+  RETURN_IF_ERROR(copy(staged.buffer(), lease.buffer()));
+  return lease;
+}
+
+absl::Status LongPasses::copy(const Buffer& from, const Buffer& to) {
+  checkpoint();
+  RETURN_IF_ERROR(recorder_.begin());
+  recorder_.copy(from, to, std::min(from.bytes(), to.bytes()));
+  recorder_.barrier_to_host();
+  return recorder_.submit_and_wait();
+}
+
+uint64_t LongPasses::staging_bytes(uint64_t bytes) { return std::min(bytes, kReadBytes); }
+
+absl::Status LongPasses::read(const Buffer& from, uint64_t offset, std::span<std::byte> to) {
+  CHECK(offset + to.size() <= from.bytes());
+  if (from.mapped() != nullptr) {
+    std::memcpy(to.data(), from.mapped() + offset, to.size());
+    return absl::OkStatus();
+  }
+  ASSIGN_OR_RETURN(const TexturePool::Lease staged, take(staging_bytes(to.size()), MemoryUse::kReadback));
+  for (uint64_t first = 0; first < to.size(); first += kReadBytes) {
+    checkpoint();
+    const uint64_t part = std::min<uint64_t>(kReadBytes, to.size() - first);
+    RETURN_IF_ERROR(recorder_.begin());
+    recorder_.copy_from(from, offset + first, staged.buffer(), part);
+    recorder_.barrier_to_host();
+    RETURN_IF_ERROR(recorder_.submit_and_wait());
+    std::memcpy(to.data() + first, staged.buffer().mapped(), part);
+  }
+  return absl::OkStatus();
+}
+
+namespace {
+
+constexpr uint32_t kPanoramaTexelBytes = 8;
+
+absl::Status check_sizes(const FrameDesc& desc, uint64_t largest, uint64_t bytes,
+                         uint64_t max_allocation_bytes, uint64_t budget_bytes) {
+  if (largest > max_allocation_bytes) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "a %dx%d %s panorama needs a texture of %d bytes and this device allocates at most %d at once; send "
+        "fewer pixels",
+        desc.width, desc.height, v1::word_of(desc.format), largest, max_allocation_bytes));
+  }
+  if (bytes > budget_bytes) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "a %dx%d %s panorama needs %d bytes of textures while it arrives and the memory budget is %d; send "
+        "fewer pixels or raise --memory-budget",
+        desc.width, desc.height, v1::word_of(desc.format), bytes, budget_bytes));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<PanoramaUpload> PanoramaUpload::take(TexturePool& pool, const DeviceSummary& device,
+                                                    const FrameDesc& desc) {
+  if (desc.width == 0 || desc.height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("panorama is %dx%d pixels; both sides must be at least 1", desc.width, desc.height));
+  }
+  PanoramaUpload upload;
+  upload.desc_ = desc;
+  upload.pitch_ = groups(desc.width, shader::GROUP_TEXELS) * shader::GROUP_TEXELS;
+  TextureKey wire = {upload.pitch_, desc.height, bytes_per_pixel(desc.format)};
+  const TextureKey panorama = {upload.pitch_, desc.height, kPanoramaTexelBytes};
+  const uint64_t bytes = wire.bytes() * (device.unified_memory ? 1 : 2) + panorama.bytes();
+  RETURN_IF_ERROR(check_sizes(desc, std::max(wire.bytes(), panorama.bytes()), bytes,
+                              device.max_allocation_bytes, pool.budget_bytes()));
+  const auto take_one = [&](const TextureKey& key, TexturePool::Lease* lease) {
+    absl::StatusOr<TexturePool::Lease> taken =
+        pool.take(key, upload.panorama_.bytes() + upload.wire_.bytes());
+    if (taken.ok()) *lease = *std::move(taken);
+    return taken.status();
+  };
+  RETURN_IF_ERROR(take_one(panorama, &upload.panorama_));
+  RETURN_IF_ERROR(take_one(wire, &upload.wire_));
+  if (device.unified_memory) return upload;
+  wire.use = MemoryUse::kUpload;
+  RETURN_IF_ERROR(take_one(wire, &upload.staged_));
+  return upload;
+}
+
+std::span<std::byte> PanoramaUpload::row(uint32_t y) {
+  CHECK(y < desc_.height);
+  const Buffer& host = staged_ ? staged_.buffer() : wire_.buffer();
+  const uint64_t pitch_bytes = uint64_t{pitch_} * bytes_per_pixel(desc_.format);
+  return {host.mapped() + y * pitch_bytes, desc_.row_bytes()};
+}
+
+uint64_t PanoramaUpload::bytes() const { return wire_.bytes() + staged_.bytes() + panorama_.bytes(); }
 
 namespace {
 
@@ -342,6 +530,114 @@ absl::StatusOr<std::vector<std::array<float, 4>>> EnvironmentBaker::read_panoram
     }
   }
   return texels;
+}
+
+// The views of EnvironmentBaker.
+
+static_assert(sizeof(shader::ViewParams) <= PipelineCache::kPushBytes);
+
+namespace {
+
+// In look-ups. A thread of the host does so many in 10 to 25 ms, and the software device in 50.
+constexpr double kMostAtOnce = 1e7;
+
+}  // namespace
+
+absl::Status EnvironmentBaker::prepare_view(Environment& environment, const BakeQuality& quality,
+                                            bool objects) {
+  if (objects) {
+    RETURN_IF_ERROR(brdf_table().status());
+  }
+  BakedCube& view = environment.view;
+  const BakeQuality sky = {quality.cube_samples, 0.0};
+  if (!view.chain || (view.spec.quality != quality && view.spec.quality != sky)) {
+    view = {};
+    ASSIGN_OR_RETURN(view, bake(environment, {.size = view_cube_size(environment.width),
+                                              .mapping = RoughnessMapping::kPerceptual,
+                                              .quality = objects ? quality : sky}));
+  }
+  if (!objects || view.spec.quality == quality) return absl::OkStatus();
+  BakeSpec spec = view.spec;
+  spec.quality = quality;
+  ASSIGN_OR_RETURN(view.specular, make_specular(spec, view.chain));
+  view.spec = spec;
+  return absl::OkStatus();
+}
+
+absl::Status EnvironmentBaker::render_view(Environment& environment, const View& view, FrameMemory& memory) {
+  RETURN_IF_ERROR(check_view(view));
+  const bool with_objects = !view.objects.empty();
+  if (!environment.view.chain || (with_objects && environment.view.spec.quality.specular_detail == 0.0)) {
+    return absl::FailedPreconditionError("the environment has no levels for this view");
+  }
+  if (const v1::PixelFormat format = view_format(environment); memory.desc().format != format) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a view of this environment is a frame of ", v1::word_of(format)));
+  }
+  CHECK(memory.textures().stage != FrameStage::kOutputOnly);
+  ASSIGN_OR_RETURN(const Harmonics light, radiance(environment));
+  absl::StatusOr<std::span<const uint16_t>> brdf = std::span<const uint16_t>();
+  if (with_objects) brdf = brdf_table();
+  if (!brdf.ok()) return brdf.status();
+  const std::vector<shader::ViewObject> objects = view_objects(view, environment.view.specular, *brdf);
+  const shader::ViewLight irradiance = view_light(irradiance_of(light));
+  if (crew_ != nullptr) {
+    if (device_.lost()) {
+      return absl::UnavailableError(absl::StrCat("Vulkan device lost: ", device_.summary().name));
+    }
+    draw_on_host(environment.view, environment.floats, view, irradiance, objects, memory, *crew_);
+    return absl::OkStatus();
+  }
+  ASSIGN_OR_RETURN(const TexturePool::Lease scene, passes_.upload(view_scene(irradiance, objects)));
+  absl::Status status = draw_view(environment, view, objects, scene.buffer(), memory);
+  const FrameTextures& textures = memory.textures();
+  if (!status.ok() || !textures.upload) return status;
+  // Whoever renders the frame takes its pixels from here, like those of the wire.
+  return passes_.copy(textures.input.buffer(), textures.upload.buffer());
+}
+
+bool EnvironmentBaker::takes_long(const View& view, const FrameDesc& desc) {
+  return most_cost_of_row(view, desc.width) * desc.height / shader::VIEW_TILE > kMostAtOnce;
+}
+
+absl::Status EnvironmentBaker::draw_view(const Environment& environment, const View& view,
+                                         std::span<const shader::ViewObject> objects, const Buffer& scene,
+                                         FrameMemory& memory) {
+  const TextureLayout& layout = memory.textures().layout;
+  const Buffer& input = memory.textures().input.buffer();
+  shader::ViewParams params =
+      view_params(view, layout.desc.width, layout.desc.height, layout.pitch, environment.view.chain.size);
+  const VkBufferView chain = environment.view.chain.texels.buffer().view();
+  const CubeLevels& specular = environment.view.specular;
+  // Without specular levels nothing reads them, but the binding still has to hold something.
+  const VkBufferView reads[] = {chain, specular ? specular.texels.buffer().view() : chain, scene.view()};
+  const ViewTiles tiles(view, params, objects);
+  std::vector<std::vector<ViewRun>> rows;
+  for (uint32_t y = 0; y < tiles.rows(); ++y) rows.push_back(tiles.row(y));
+  const uint64_t row_bytes = uint64_t{layout.pitch} * bytes_per_pixel(layout.desc.format);
+  const auto record = [&](uint32_t begin, uint32_t end) -> absl::Status {
+    params.first_row = begin * shader::VIEW_TILE;
+    const uint32_t last = std::min(end * shader::VIEW_TILE, layout.desc.height);
+    const VkDescriptorBufferInfo written = {input.handle(), params.first_row * row_bytes,
+                                            (last - params.first_row) * row_bytes};
+    bool over_sky = false;
+    for (const auto& [kind, boxes] : boxes_of(std::span(rows).subspan(begin, end - begin), begin)) {
+      ASSIGN_OR_RETURN(const VkPipeline pipeline,
+                       passes_.pipelines().get(k_view_spirv, constants_of(kind, view, environment.floats)));
+      if (kind.objects && !std::exchange(over_sky, true)) passes_.recorder().barrier();
+      params.first_object = kind.first_object;
+      params.end_object = kind.end_object;
+      passes_.recorder().bind(pipeline, passes_.pipelines().layout(), reads, written, &params, sizeof params);
+      for (const Box& box : boxes) passes_.recorder().dispatch(box.x0, box.y0, box.x1, box.y1);
+    }
+    return absl::OkStatus();
+  };
+  return passes_.run(
+      {.spirv = k_view_spirv,
+       .count = static_cast<uint32_t>(rows.size()),
+       .cost = [&](uint32_t y) { return cost_of(rows[y], view); },
+       .record = record,
+       .most = static_cast<uint32_t>(PipelineCache::kMaxWriteBytes / row_bytes / shader::VIEW_TILE)});
 }
 
 }  // namespace candela

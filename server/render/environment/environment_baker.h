@@ -1,8 +1,11 @@
-// Bakes environments on the Vulkan device, and renders views of them there or on the host.
+// Bakes panoramas into cubes on the Vulkan device, in passes that let others in between, and draws views
+// there.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -11,14 +14,110 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "server/base/crew.h"
+#include "server/render/device/submissions.h"
 #include "server/render/environment/environment.h"
-#include "server/render/environment/long_passes.h"
-#include "server/render/environment/panorama_upload.h"
 #include "server/render/environment/view.h"
 #include "server/render/frame/frame_memory.h"
+#include "server/render/frame/texture_pool.h"
+#include "server/render/settings/settings.h"
+#include "server/vulkan/pipeline.h"
+#include "server/vulkan/recorder.h"
+#include "shaders/environment/environment_params.h"
 
 namespace candela {
 
+// Passes that may take seconds, as submissions of a few hundredths of a second. Internal to server/render.
+
+// Invocations in a row, each of which writes the same number of bytes behind the one before it.
+struct LongPass {
+  std::span<const uint32_t> spirv;
+  Constants constants;
+  std::vector<VkBufferView> reads;
+  const Buffer* target = nullptr;
+  uint64_t target_offset = 0;  // a multiple of PipelineCache::kWriteAlignment
+  uint64_t invocations = 0;    // below 2^32
+  uint32_t invocation_bytes = 16;
+  double cost = 1.0;  // of an invocation, in look-ups
+};
+
+// One thread at a time, which goes through checkpoint() between submissions. The device and the pool outlive
+// it. Everything fails as Recorder::submit_and_wait() and TexturePool::take() do.
+class LongPasses {
+ public:
+  static absl::StatusOr<LongPasses> create(const Device& device, TexturePool& pool);
+
+  // Runs a pass to its end. `params` has a shader::PassRange called `range`, which this sets.
+  template <typename Params>
+  absl::Status run(const LongPass& pass, Params params) {
+    static_assert(sizeof params <= PipelineCache::kPushBytes);
+    return run(pass, &params, sizeof params, params.range);
+  }
+
+  // Records steps 0 to steps - 1, as many at a time as fit into a submission. `spirv` says whose pace counts;
+  // `cost` is a step's, in look-ups.
+  struct Steps {
+    std::span<const uint32_t> spirv;
+    uint32_t count = 0;
+    std::function<double(uint32_t step)> cost;
+    std::function<absl::Status(uint32_t begin, uint32_t end)> record;
+    uint32_t most = UINT32_MAX;  // steps of a submission
+  };
+  absl::Status run(const Steps& steps);
+
+  // A new buffer of the device with these bytes, a multiple of 16.
+  absl::StatusOr<TexturePool::Lease> upload(std::span<const std::byte> bytes);
+  // Reads bytes of a kDevice buffer, in parts if its memory is not mapped.
+  absl::Status read(const Buffer& from, uint64_t offset, std::span<std::byte> to);
+  // The size of the staging copy that read() takes from the pool for `bytes` that are not mapped.
+  static uint64_t staging_bytes(uint64_t bytes);
+  absl::Status copy(const Buffer& from, const Buffer& to);
+  absl::StatusOr<TexturePool::Lease> take(uint64_t bytes, MemoryUse use = MemoryUse::kDevice);
+
+  PipelineCache& pipelines() { return pipelines_; }
+  Recorder& recorder() { return recorder_; }
+
+ private:
+  LongPasses(TexturePool& pool, PipelineCache pipelines, Recorder recorder);
+  absl::Status run(const LongPass& pass, void* params, uint32_t params_bytes, shader::PassRange& range);
+  // Runs one submission, and learns the pace from its time.
+  absl::Status submit(std::span<const uint32_t> spirv, double cost,
+                      const std::function<absl::Status()>& record);
+
+  TexturePool* pool_;
+  PipelineCache pipelines_;
+  Recorder recorder_;
+  Pace pace_;  // of each shader, by the address of its code
+};
+
+// The memory of a panorama while its pixels arrive.
+//
+// Taken from the pool, and given back to it on destruction. Movable. One thread at a time.
+class PanoramaUpload {
+ public:
+  // Allocates everything or nothing. RESOURCE_EXHAUSTED if the device or the pool's budget can never hold it,
+  // before anything is allocated; otherwise fails as TexturePool::take() does. `pool` outlives the memory.
+  static absl::StatusOr<PanoramaUpload> take(TexturePool& pool, const DeviceSummary& device,
+                                             const FrameDesc& desc);
+
+  const FrameDesc& desc() const { return desc_; }
+  // The memory for row y of the wire pixels: desc().row_bytes() bytes. Write each byte once and do not read
+  // it.
+  std::span<std::byte> row(uint32_t y);
+  // Of the pool's budget, until the panorama is finished, and what an environment keeps of it.
+  uint64_t bytes() const;
+  uint64_t kept_bytes() const { return panorama_.bytes(); }
+
+ private:
+  friend class EnvironmentBaker;
+  FrameDesc desc_;
+  uint32_t pitch_ = 0;  // texels from row to row, of the wire's pixels and of the panorama
+  TexturePool::Lease wire_;
+  TexturePool::Lease staged_;  // only on a device without unified memory
+  TexturePool::Lease panorama_;
+};
+
+// Bakes environments on the Vulkan device, and renders views of them there or on the host.
+//
 // One thread at a time, except take(), bake_bytes() and takes_long(). That thread goes through checkpoint()
 // between submissions of about kSlice, and may render frames there. The device and the pool outlive the baker
 // and its environments.

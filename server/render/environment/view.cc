@@ -11,7 +11,7 @@ namespace candela {
 
 namespace {
 
-double radians(double degrees) { return degrees * std::numbers::pi / 180; }
+double to_radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
 Matrix3 product(const Matrix3& a, const Matrix3& b) {
   Matrix3 out{};
@@ -54,7 +54,7 @@ absl::Status check_sphere(const ViewCamera& camera, const ViewSphere& sphere, si
 }  // namespace
 
 Matrix3 camera_rotation(double yaw_deg, double pitch_deg, double roll_deg) {
-  const double y = radians(-yaw_deg), x = radians(pitch_deg), z = radians(-roll_deg);
+  const double y = to_radians(-yaw_deg), x = to_radians(pitch_deg), z = to_radians(-roll_deg);
   const Matrix3 about_y = {std::cos(y), 0, std::sin(y), 0, 1, 0, -std::sin(y), 0, std::cos(y)};
   const Matrix3 about_x = {1, 0, 0, 0, std::cos(x), -std::sin(x), 0, std::sin(x), std::cos(x)};
   const Matrix3 about_z = {std::cos(z), -std::sin(z), 0, std::sin(z), std::cos(z), 0, 0, 0, 1};

@@ -7,8 +7,7 @@
 #include <span>
 
 #include "absl/status/statusor.h"
-#include "server/render/settings/frame.h"
-#include "server/render/settings/output_size.h"
+#include "server/render/settings/settings.h"
 
 namespace candela {
 

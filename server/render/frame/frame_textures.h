@@ -1,18 +1,40 @@
-// The textures of one frame. Internal to server/render and its tests.
+// A bloom level as the host's passes keep it in the level's texture: rows of R, of G and of B one after the
+// other. Filters along rows and columns then need no shuffles.
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
 
 #include "server/render/frame/frame_memory.h"
-#include "server/render/frame/level_planes.h"
 #include "server/render/frame/texture_pool.h"
 #include "server/render/plan/texture_layout.h"
 #include "shaders/reference.h"
 
+namespace candela::host {
+
+struct LevelPlanes {
+  float* floats = nullptr;
+  uint32_t width = 0;
+  uint32_t height = 0;
+
+  // Floats from row to row of a component. Rows begin at cache lines if the texture, which has four floats a
+  // texel, is large enough for that.
+  size_t stride() const {
+    const size_t lines = (size_t{width} + 15) / 16 * 16;
+    return 3 * lines <= 4 * size_t{width} ? lines : width;
+  }
+  float* row(size_t y, size_t component) const { return floats + (3 * y + component) * stride(); }
+};
+
+}  // namespace candela::host
+
 namespace candela {
+
+// The textures of one frame. Internal to server/render and its tests.
 
 // A scene that the float64 reference has made of the wire pixels and metered.
 struct MeteredScene {

@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/base/check.h"
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 #include "shaders/params.h"
 
 namespace candela {

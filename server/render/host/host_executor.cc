@@ -15,7 +15,7 @@
 #include "server/render/host/bloom/run_bloom.h"
 #include "server/render/host/ingest/ingest_tiles.h"
 #include "server/render/host/resize/run_resize.h"
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 
 namespace candela {
 

@@ -5,7 +5,6 @@
 #include "shaders/params.h"
 
 namespace candela {
-
 namespace {
 
 // Beyond this number of boxes, or part of the groups, skipping the rest costs more than it saves.

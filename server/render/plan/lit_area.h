@@ -1,17 +1,28 @@
+// A rectangle of texels, tiles or work groups.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "server/render/plan/texture_layout.h"
+
+namespace candela {
+
+// Columns x0 to x1 - 1 of rows y0 to y1 - 1.
+struct Box {
+  uint32_t x0 = 0;
+  uint32_t y0 = 0;
+  uint32_t x1 = 0;
+  uint32_t y1 = 0;
+  bool operator==(const Box&) const = default;
+};
+
 // The parts of a frame's bloom levels that light can reach. Everything outside them is exactly 0, so no pass
 // has to compute it.
 //
 // An area is a set of boxes in texels of one level; they may overlap. Each function computes the texels that
 // may be other than 0 after a pass from those before it. The filters are in docs/pipeline.md section 4.
-#pragma once
-
-#include <span>
-#include <vector>
-
-#include "server/render/plan/box.h"
-#include "server/render/plan/texture_layout.h"
-
-namespace candela {
 
 using Area = std::vector<Box>;
 

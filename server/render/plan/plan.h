@@ -13,10 +13,10 @@
 #include <variant>
 #include <vector>
 
-#include "server/render/color/gain_curve.h"
-#include "server/render/plan/box.h"
+#include "server/render/color/hdr_signal.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/plan/frame_stats.h"
+#include "server/render/plan/lit_area.h"
 #include "server/render/plan/resize_plan.h"
 #include "server/render/plan/texture_layout.h"
 #include "server/render/settings/error_bound.h"
@@ -147,5 +147,22 @@ BoundFacts frame_facts(const Metered& metered, const Settings& settings, double 
 // does. Any thread.
 absl::StatusOr<std::shared_ptr<const ColorTable>> color_table_of(const Settings& settings,
                                                                  const Metered& metered);
+
+// The bloom's part of a frame's plan.
+
+// The shader inputs that all passes share that read the frame.
+shader::InputParams input_params(const TextureLayout& layout, const std::optional<reference::Matrix>& matrix);
+
+// Scene luminance above which there is bloom: the settings' threshold, or kGaussian's multiple of the mean.
+float bright_threshold(const v1::Bloom& bloom, const FrameStats& stats);
+// True if the frame blooms. Also true if it would bloom with a metered mean that is lower by `mean_error` EV:
+// the reference's may be.
+bool may_bloom(const v1::Bloom& bloom, const FrameStats& stats, const FrameDesc& desc, double mean_error);
+
+void plan_bloom(const TextureLayout& layout, const Metered& metered, const v1::Bloom& bloom,
+                const std::optional<reference::Matrix>& matrix, Plan& plan);
+
+// The frame's texels that the finished bloom reaches.
+Area bloom_reach(const TextureLayout& layout, const Plan& plan);
 
 }  // namespace candela

@@ -4,9 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/render/plan/metering.h"
-#include "server/render/settings/frame.h"
-#include "server/render/settings/output_size.h"
+#include "server/render/plan/exposure.h"
 #include "server/render/settings/settings.h"
 
 namespace candela {

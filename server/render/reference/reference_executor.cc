@@ -10,10 +10,8 @@
 #include <utility>
 
 #include "server/render/reference/reference_frame.h"
-#include "server/render/reference/row_parts.h"
 
 namespace candela {
-
 namespace {
 
 template <typename T>

@@ -8,7 +8,7 @@
 #include "server/base/words.h"
 #include "server/render/color/hdr_signal.h"
 #include "server/render/color/portable_math.h"
-#include "server/render/settings/output_size.h"
+#include "server/render/settings/settings.h"
 #include "shaders/color_table.h"
 #include "shaders/params.h"
 

@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "server/render/color/aces.h"
-#include "server/render/color/aces2_table.h"
+#include "server/render/color/aces2.h"
 #include "shaders/reference.h"
 
 namespace candela {

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "candela/v1/render.pb.h"
-#include "server/render/color/gain_curve.h"
+#include "server/render/color/hdr_signal.h"
 #include "shaders/color_table.h"
 
 namespace candela {

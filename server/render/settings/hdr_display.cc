@@ -6,7 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
-#include "server/render/color/aces2_table.h"
+#include "server/render/color/aces2.h"
 #include "server/render/settings/settings.h"
 
 namespace candela {

@@ -15,10 +15,65 @@
 #include "server/render/color/primaries.h"
 #include "server/render/settings/gain_curve_of.h"
 #include "server/render/settings/hdr_display.h"
-#include "server/render/settings/output_size.h"
 #include "shaders/params.h"
 
 namespace candela {
+
+absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits) {
+  if (desc.width == 0 || desc.height == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("frame is %dx%d pixels; both sides must be at least 1", desc.width, desc.height));
+  }
+  if (desc.width > limits.max_dimension || desc.height > limits.max_dimension) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "frame is %dx%d pixels and this server takes at most %d a side; scale it down or send it in parts",
+        desc.width, desc.height, limits.max_dimension));
+  }
+  // This divides because the product may not fit into 64 bits.
+  if (desc.row_bytes() > limits.max_frame_bytes / desc.height) {
+    return absl::ResourceExhaustedError(absl::StrFormat(
+        "frame is %d bytes (%dx%d %s) and this server takes at most %d; send %sfewer pixels", desc.bytes(),
+        desc.width, desc.height, v1::word_of(desc.format), limits.max_frame_bytes,
+        desc.format == v1::PIXEL_FORMAT_RGBA32F ? "half floats or " : ""));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_output_size(const v1::OutputSize& size) {
+  // Written so that NaN fails.
+  if (size.has_percent() && !(size.percent() > 0 && size.percent() <= v1::kMaxOutputPercent)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("output_size.percent is %g; it must be above 0 and at most %g", size.percent(),
+                        v1::kMaxOutputPercent));
+  }
+  if (size.has_pixel_aspect() &&
+      !(size.pixel_aspect() >= v1::kPixelAspect.min && size.pixel_aspect() <= v1::kPixelAspect.max)) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("output_size.pixel_aspect is %g; it must be between %g and %g", size.pixel_aspect(),
+                        v1::kPixelAspect.min, v1::kPixelAspect.max));
+  }
+  const bool sides = size.width() > 0 || size.height() > 0;
+  if (sides && size.has_percent()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("output_size.percent is %g and the size is %dx%d; give one of them", size.percent(),
+                        size.width(), size.height()));
+  }
+  if (size.max_side() > 0 && (sides || size.has_percent())) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("output_size.max_side is %d and there is a %s, too; give one of them",
+                        size.max_side(), sides ? "width or a height" : "percent"));
+  }
+  return absl::OkStatus();
+}
+
+ImageSize image_size(const v1::Settings& settings, const FrameDesc& desc) {
+  return v1::image_size(settings.output_size(), {desc.width, desc.height});
+}
+
+bool resizes(const v1::Settings& settings, const FrameDesc& desc) {
+  return image_size(settings, desc) != ImageSize{desc.width, desc.height};
+}
+
 namespace {
 
 absl::Status check_exposure(const v1::Exposure& exposure) {

@@ -1,7 +1,8 @@
-// The settings of a frame, complete and checked.
+// Settings: completed and checked; a frame's format, and the size of its image.
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,12 +10,49 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "server/render/color/gain_curve.h"
-#include "server/render/settings/frame.h"
+#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/pixel_size.h"
+#include "server/render/color/hdr_signal.h"
 #include "server/render/settings/tiers.h"
 #include "shaders/color_table.h"
 
 namespace candela {
+
+// A frame's size and pixel format on the wire, and the limits on them.
+
+// A frame as its header describes it. Sizes are in pixels; `row_bytes` and `bytes` are without row padding.
+struct FrameDesc {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  v1::PixelFormat format = v1::PIXEL_FORMAT_RGBA16F;
+
+  uint64_t row_bytes() const { return uint64_t{width} * bytes_per_pixel(format); }
+  uint64_t bytes() const { return row_bytes() * height; }
+};
+
+// The largest frame that a server accepts. `max_frame_bytes` is never more than the device can allocate.
+struct FrameLimits {
+  uint32_t max_dimension = 0;
+  uint64_t max_frame_bytes = 0;
+};
+
+// INVALID_ARGUMENT for an empty frame, RESOURCE_EXHAUSTED for one over the limits. Allocates nothing.
+absl::Status check_frame(const FrameDesc& desc, const FrameLimits& limits);
+
+// The size of the image that is made of a frame.
+
+using v1::ImageSize;
+
+// INVALID_ARGUMENT if a field is out of its range, or given with another one that it does not go with.
+absl::Status check_output_size(const v1::OutputSize& size);
+
+// The image's size for a frame, docs/pipeline.md section 5; the frame's own without `output_size`. The
+// settings have passed check_output_size. A side of more than UINT32_MAX is UINT32_MAX. Pure.
+ImageSize image_size(const v1::Settings& settings, const FrameDesc& desc);
+
+bool resizes(const v1::Settings& settings, const FrameDesc& desc);
+
+// The settings of a frame, complete and checked.
 
 // Immutable and cheap to copy. Any thread. Ranges and defaults are declared at the fields of
 // candela.v1.Settings. Every number, choice and text has a value, except those that the contract leaves

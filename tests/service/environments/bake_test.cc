@@ -3,7 +3,7 @@
 #include <functional>
 
 #include "absl/strings/str_cat.h"
-#include "server/render/environment/cube_levels.h"
+#include "server/render/environment/environment.h"
 #include "tests/service/environments/environment_fixture.h"
 
 namespace candela::testing {

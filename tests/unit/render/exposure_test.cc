@@ -6,7 +6,6 @@
 #include <cmath>
 #include <vector>
 
-#include "server/render/plan/metering.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "server/base/crew.h"
-#include "server/render/reference/row_parts.h"
+#include "server/render/reference/reference_frame.h"
 
 namespace candela {
 namespace {

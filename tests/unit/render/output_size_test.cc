@@ -1,6 +1,4 @@
 // The size of the image that is made of a frame.
-#include "server/render/settings/output_size.h"
-
 #include <gtest/gtest.h>
 
 #include <limits>

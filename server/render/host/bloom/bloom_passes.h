@@ -4,8 +4,8 @@
 
 #include <cstddef>
 
-#include "server/render/frame/level_planes.h"
-#include "server/render/plan/box.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/plan/lit_area.h"
 #include "shaders/params.h"
 
 namespace candela::host {

@@ -3,7 +3,6 @@
 
 #include "server/base/crew.h"
 #include "server/render/frame/frame_textures.h"
-#include "server/render/frame/level_planes.h"
 #include "server/render/plan/plan.h"
 
 namespace candela::host {

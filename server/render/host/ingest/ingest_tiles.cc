@@ -17,7 +17,7 @@
 #include "server/render/host/ingest/any_run-inl.h"
 #include "server/render/host/ingest/ingest_tiles.h"
 #include "server/render/host/ingest/tile_sums-inl.h"
-#include "server/render/plan/metering.h"
+#include "server/render/plan/exposure.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace candela::host::HWY_NAMESPACE {

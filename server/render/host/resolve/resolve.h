@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "server/render/frame/level_planes.h"
+#include "server/render/frame/frame_textures.h"
 #include "shaders/params.h"
 
 namespace candela::host {

@@ -1,4 +1,4 @@
-#include "server/render/plan/stage_time.h"
+#include "server/render/plan/frame_stats.h"
 
 #include <algorithm>
 #include <cstring>
