@@ -1,15 +1,13 @@
 # The sources of candela_frames, for this build and for tests/bits/cross.
 set(candela_host_kernels
-    host/bloom/bloom_levels.cc host/bloom/bright_pass.cc host/ingest/ingest_tiles.cc host/resize/resize.cc
-    host/resolve/resolve.cc host/view/view.cc)
+    host/bloom.cc host/ingest.cc host/resize.cc host/resolve.cc host/view.cc)
 set(candela_frames_sources
-    color/aces2.cc color/hdr_signal.cc frame/executor.cc frame/frame_memory.cc frame/table_points.cc
-    frame/texture_pool.cc frame/tile_sums.cc plan/exposure.cc plan/frame_stats.cc plan/lit_area.cc
-    plan/plan.cc plan/texture_layout.cc settings/error_bound.cc settings/gain_curve_of.cc
-    settings/hdr_display.cc settings/settings.cc settings/tiers.cc
-    ${candela_host_kernels} environment/environment.cc environment/view.cc environment/view_scene.cc
-                            host/bloom/run_bloom.cc host/host_executor.cc host/resize/run_resize.cc
-                            host/resolve/run_resolve.cc plan/resize_plan.cc)
+    ${candela_host_kernels}
+    color/aces2.cc color/hdr_signal.cc environment/environment.cc environment/view.cc environment/view_scene.cc
+    frame/executor.cc frame/frame_memory.cc frame/table_points.cc frame/texture_pool.cc frame/tile_sums.cc
+    host/host_executor.cc plan/exposure.cc plan/frame_stats.cc plan/lit_area.cc plan/plan.cc plan/resize_plan.cc
+    plan/texture_layout.cc settings/error_bound.cc settings/gain_curve_of.cc settings/hdr_display.cc
+    settings/settings.cc settings/tiers.cc)
 
 # The kernels are nothing but calls that have to be inlined, in a debug build, too. Highway's NEON comes with AES, and what the
 # compiler writes by itself, such as constructors, has to be for the same target.

@@ -21,8 +21,8 @@ import struct
 import sys
 
 SHADERS = pathlib.Path(__file__).resolve().parent.parent
-SRGB_OF_HOST = "../server/render/host/resolve/srgb-inl.h"
-ACES2_OF_HOST = "../server/render/host/resolve/aces2_powers-inl.h"
+SRGB_OF_HOST = "../server/render/host/resolve.cc"
+ACES2_OF_HOST = "../server/render/host/resolve.cc"
 ACES2_GAMMA = 0.59 * (1.48 + math.sqrt(0.2))
 KNEE = 0.0031308  # sRGB is linear below it
 OCTAVE_CODES = 255 * 1.055 * 0.5 ** (1 / 2.4)  # what the host's power is multiplied by in the octave below 1
@@ -59,7 +59,7 @@ POLYNOMIALS = [
 
 
 # AgX's base curve with its power, in pieces: file, table, and how the argument is divided into them.
-AGX_OF_HOST, AGX_TABLE = "../server/render/host/resolve/agx-inl.h", "kAgxPieces"
+AGX_OF_HOST, AGX_TABLE = "../server/render/host/resolve.cc", "kAgxPieces"
 AGX_PIVOT, AGX_PIECES_TO_1, AGX_FIRST = 10 / 16.5, 15, 10
 
 

@@ -4,7 +4,7 @@
 //
 // The including shader declares table_points, which Aces2::elements() makes: constants, then the tone scale,
 // then what depends on the hue. It includes log2.glsl and aces2_powers.glsl. This file is C++,
-// too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// too: server/render/host/lanes-inl.h says what that asks for.
 
 vec3 aces2_to_cone_r, aces2_to_cone_g, aces2_to_cone_b;
 vec3 aces2_to_aab_r, aces2_to_aab_g, aces2_to_aab_b;

@@ -1,4 +1,4 @@
-// The powers of ACES 2.0 (docs/pipeline.md section 5). The host has its own: server/render/host/resolve/aces2_powers-inl.h.
+// The powers of ACES 2.0 (docs/pipeline.md section 5). The host has its own: server/render/host/resolve.cc.
 
 // Of a cone's response over its light, and back.
 float cone_power(float x) { return power(x, 0.42); }

@@ -1,5 +1,5 @@
 // Where a direction is in the levels of a cube map (docs/environments.md section 2). This file is C++, too:
-// server/render/host/lanes/glsl-inl.h says what that asks for.
+// server/render/host/lanes-inl.h says what that asks for.
 //
 // A level is stored with a border around each face (CUBE_LEVEL_START in environment_params.h), so a bilinear
 // look-up reads four texels of one face and is seamless.

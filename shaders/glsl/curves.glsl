@@ -1,6 +1,6 @@
 // Tone curves (docs/pipeline.md section 5): exposed scene light to display-linear light in [0, 1]. The
 // including shader declares CURVE and includes transfer.glsl and table.glsl. This file is C++, too:
-// server/render/host/lanes/glsl-inl.h says what that asks for.
+// server/render/host/lanes-inl.h says what that asks for.
 //
 // A curve has two parts: curve_light() takes the scene's Rec.709 to the curve's own primaries, and curve()
 // does the rest. Between them the light is cut at 0.

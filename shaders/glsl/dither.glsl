@@ -1,4 +1,4 @@
-// Dither (docs/pipeline.md section 5). This file is C++, too: server/render/host/lanes/glsl-inl.h says what that
+// Dither (docs/pipeline.md section 5). This file is C++, too: server/render/host/lanes-inl.h says what that
 // asks for.
 
 // Triangular noise in (-1, 1) with mean zero, from the integer hash pcg3d. Source: M. Jarzynski and M. Olano,

@@ -1,7 +1,7 @@
 // The code, 0 .. 1, of a gain map beside an SDR image (docs/pipeline.md section 5).
 //
 // The including shader declares gain_points, cubic pieces that server/render/color/hdr_signal.h makes. This file is
-// C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// C++, too: server/render/host/lanes-inl.h says what that asks for.
 
 float gain_code(vec3 exposed) {
   float n = at_most(at_least(max(max(exposed.r, exposed.g), exposed.b), 0.0), GAIN_END);

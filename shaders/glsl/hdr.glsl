@@ -2,7 +2,7 @@
 // Light is in units of the display's peak. Sources: SMPTE ST 2084, ITU-R BT.2100, ITU-R BT.2390.
 //
 // The including shader declares DISPLAY and includes log2.glsl. This file is C++, too:
-// server/render/host/lanes/glsl-inl.h says what that asks for.
+// server/render/host/lanes-inl.h says what that asks for.
 
 // A matrix, row by row, times x.
 vec3 rows(float m00, float m01, float m02, float m10, float m11, float m12, float m20, float m21, float m22,

@@ -1,5 +1,5 @@
 // Logarithm and exponential of base 2, and powers. A driver's own pow() may be too inaccurate for an 8-bit code. This file is
-// C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// C++, too: server/render/host/lanes-inl.h says what that asks for.
 //
 // Each polynomial states its fit: interval, degree, largest error of the coefficients as they stand here, and
 // the smallest error that any polynomial of this degree can have. shaders/fit/polynomials.py recomputes all

@@ -1,5 +1,5 @@
 // Straight alpha (docs/pipeline.md section 5): a pixel's light is that of an object that covers a part of it,
-// and light of its own. This file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// and light of its own. This file is C++, too: server/render/host/lanes-inl.h says what that asks for.
 
 struct StraightLight {
   vec3 object;  // divided by alpha

@@ -1,5 +1,5 @@
 // Look-up in a colour table (docs/pipeline.md section 5). The including shader declares CURVE, and its push
-// constants as `p`. This file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// constants as `p`. This file is C++, too: server/render/host/lanes-inl.h says what that asks for.
 
 // The includer also declares table_points: four words per lattice point. The low 16 bits are R, G and B of the
 // point, the high 16 bits those of its neighbour along the cell's diagonal.

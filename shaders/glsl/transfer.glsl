@@ -1,7 +1,7 @@
 // Transfer functions: display-linear light to display values (docs/pipeline.md section 5). Source of sRGB: IEC 61966-2-1.
 //
 // The including shader declares TRANSFER and TRANSFER_TERMS, the number of terms of the sRGB polynomial, DISPLAY,
-// and the parameters p. This file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// and the parameters p. This file is C++, too: server/render/host/lanes-inl.h says what that asks for.
 // log2.glsl says how a polynomial states its fit.
 #include "log2.glsl"
 #include "hdr.glsl"

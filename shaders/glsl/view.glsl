@@ -1,5 +1,5 @@
 // The rays of a view, and the light of spheres (docs/environments.md section 6). The including shader has its
-// parameters as `p`. This file is C++, too: server/render/host/lanes/glsl-inl.h says what that asks for.
+// parameters as `p`. This file is C++, too: server/render/host/lanes-inl.h says what that asks for.
 //
 // Which objects are met follows from multiplications and additions alone, each of them rounded: a product in
 // float() is.

@@ -1,7 +1,7 @@
 // host_bits FILE: renders every case with the host's executor, once for each instruction set that this
 // processor has, and compares the bits with those that FILE has. --record FILE writes them. Exits with 77 if
 // no kernel runs on this processor.
-#include "server/render/host/lanes/targets.h"
+#include "server/render/host/targets.h"
 // Only after targets.h.
 #include <hwy/highway.h>
 #include <hwy/targets.h>

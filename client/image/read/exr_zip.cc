@@ -1,15 +1,24 @@
 #include "client/image/read/exr_zip.h"
 
+// What is left: the baseline, SSE4, AVX2, AVX-512 and NEON.
+#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "client/image/read/exr_zip.cc"
+#include <hwy/foreach_target.h>
+// Only after foreach_target.h.
 #include <OpenEXR/Iex.h>
 #include <OpenEXR/IlmThreadPool.h>
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfPartType.h>
 #include <half.h>
+#include <hwy/highway.h>
 #include <libdeflate.h>
 
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <exception>
 #include <limits>
@@ -17,14 +26,123 @@
 #include <mutex>
 #include <new>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "absl/strings/str_format.h"
 #include "client/image/read/exr_file.h"
-#include "client/image/read/exr_zip_kernels.h"
 
 namespace candela {
+
+// Where a row's red, green, blue and alpha begin, each little endian and one after the other; null: there is
+// none, and it becomes 0, or 1 for alpha.
+using RowPlanes = std::array<const uint8_t*, 4>;
+
+}  // namespace candela
+
+HWY_BEFORE_NAMESPACE();
+namespace candela {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Each kernel is a loop over vectors and one over the rest. The baseline, HWY_SCALAR, has no vectors.
+
+void undo_predictor_here(uint8_t* bytes, size_t count) {
+  size_t i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::FixedTag<uint8_t, 16> d;
+  const auto bias = hn::Set(d, 128);
+  const auto last = hn::Set(d, 15);
+  auto before = bias;  // takes back the bias of the first byte, which has none
+  for (; i + 16 <= count; i += 16) {
+    auto sum = hn::Add(hn::LoadU(d, bytes + i), bias);
+    sum = hn::Add(sum, hn::ShiftLeftBytes<1>(sum));
+    sum = hn::Add(sum, hn::ShiftLeftBytes<2>(sum));
+    sum = hn::Add(sum, hn::ShiftLeftBytes<4>(sum));
+    sum = hn::Add(sum, hn::ShiftLeftBytes<8>(sum));
+    hn::StoreU(hn::Add(sum, before), d, bytes + i);
+    before = hn::Add(before, hn::TableLookupBytes(sum, last));  // the only step that waits for the last turn
+  }
+#endif
+  auto value = static_cast<uint8_t>(i == 0 ? 128 : bytes[i - 1]);
+  for (; i < count; ++i) bytes[i] = value = static_cast<uint8_t>(value + bytes[i] + 128);
+}
+
+void interleave_bytes_here(const uint8_t* even, const uint8_t* odd, uint8_t* out, size_t count) {
+  size_t i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::ScalableTag<uint8_t> d;
+  for (; 2 * (i + hn::Lanes(d)) <= count; i += hn::Lanes(d)) {
+    hn::StoreInterleaved2(hn::LoadU(d, even + i), hn::LoadU(d, odd + i), d, out + 2 * i);
+  }
+#endif
+  for (i *= 2; i < count; ++i) out[i] = i % 2 == 0 ? even[i / 2] : odd[i / 2];
+}
+
+template <typename T>
+void planes_to_rgba(const RowPlanes& planes, T one, std::byte* rgba, size_t pixels) {
+  auto* out = reinterpret_cast<T*>(rgba);
+  const auto fill = [&](size_t c) { return c == 3 ? one : T{0}; };
+  size_t x = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const hn::ScalableTag<T> d;
+  const hn::Repartition<uint8_t, decltype(d)> bytes;
+  const auto load = [&](size_t c) {
+    return planes[c] == nullptr ? hn::Set(d, fill(c))
+                                : hn::BitCast(d, hn::LoadU(bytes, planes[c] + x * sizeof(T)));
+  };
+  for (; x + hn::Lanes(d) <= pixels; x += hn::Lanes(d)) {
+    hn::StoreInterleaved4(load(0), load(1), load(2), load(3), d, out + 4 * x);
+  }
+#endif
+  for (; x < pixels; ++x) {
+    for (size_t c = 0; c < 4; ++c) {
+      T value = fill(c);
+      if (planes[c] != nullptr) std::memcpy(&value, planes[c] + x * sizeof(T), sizeof(T));
+      out[4 * x + c] = value;
+    }
+  }
+}
+
+void halves_to_rgba_here(const RowPlanes& planes, std::byte* rgba, size_t pixels) {
+  planes_to_rgba<uint16_t>(planes, 0x3c00, rgba, pixels);
+}
+
+void floats_to_rgba_here(const RowPlanes& planes, std::byte* rgba, size_t pixels) {
+  planes_to_rgba<uint32_t>(planes, 0x3f800000, rgba, pixels);
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace candela
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace candela {
 namespace {
+
+HWY_EXPORT(undo_predictor_here);
+HWY_EXPORT(interleave_bytes_here);
+HWY_EXPORT(halves_to_rgba_here);
+HWY_EXPORT(floats_to_rgba_here);
+
+// Undoes OpenEXR's predictor in place: each byte is 128 less than its difference to the one before.
+void undo_predictor(std::span<uint8_t> bytes) {
+  HWY_DYNAMIC_DISPATCH(undo_predictor_here)(bytes.data(), bytes.size());
+}
+
+// Bytes 0, 2, 4 ... of `out` come from `even`, and 1, 3, 5 ... from `odd`.
+void interleave_bytes(const uint8_t* even, const uint8_t* odd, std::span<uint8_t> out) {
+  HWY_DYNAMIC_DISPATCH(interleave_bytes_here)(even, odd, out.data(), out.size());
+}
+
+// Writes `pixels` of four halves, or of four floats.
+void halves_to_rgba(const RowPlanes& planes, std::byte* rgba, size_t pixels) {
+  HWY_DYNAMIC_DISPATCH(halves_to_rgba_here)(planes, rgba, pixels);
+}
+
+void floats_to_rgba(const RowPlanes& planes, std::byte* rgba, size_t pixels) {
+  HWY_DYNAMIC_DISPATCH(floats_to_rgba_here)(planes, rgba, pixels);
+}
 
 static_assert(std::endian::native == std::endian::little, "the file's numbers are little endian");
 
@@ -247,3 +365,4 @@ ReadRows zip_rows(Imf::InputPart& input, const ExrChannels& channels, ImageForma
 }
 
 }  // namespace candela
+#endif  // HWY_ONCE

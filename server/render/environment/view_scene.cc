@@ -11,7 +11,7 @@
 
 #include "server/render/color/portable_math.h"
 #include "server/render/frame/frame_textures.h"
-#include "server/render/host/view/view.h"
+#include "server/render/host/view.h"
 #include "server/render/plan/texture_layout.h"
 
 namespace candela {

@@ -1,6 +1,6 @@
 #include "server/render/host/host_executor.h"
 
-#include "server/render/host/lanes/targets.h"
+#include "server/render/host/targets.h"
 // Only after targets.h.
 #include <hwy/targets.h>
 
@@ -12,9 +12,9 @@
 #include "server/base/status_macros.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/frame/tile_sums.h"
-#include "server/render/host/bloom/run_bloom.h"
-#include "server/render/host/ingest/ingest_tiles.h"
-#include "server/render/host/resize/run_resize.h"
+#include "server/render/host/bloom.h"
+#include "server/render/host/ingest.h"
+#include "server/render/host/resize.h"
 #include "server/render/plan/exposure.h"
 
 namespace candela {

@@ -9,7 +9,7 @@
 #include "server/base/crew.h"
 #include "server/render/frame/executor.h"
 #include "server/render/frame/table_points.h"
-#include "server/render/host/resolve/run_resolve.h"
+#include "server/render/host/resolve.h"
 #include "server/vulkan/device.h"
 
 namespace candela {

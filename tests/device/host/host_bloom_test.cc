@@ -6,14 +6,14 @@
 #include <cmath>
 #include <limits>
 
-#include "server/render/host/bloom/run_bloom.h"
+#include "server/render/host/bloom.h"
 #include "shaders/reference.h"
 #include "tests/device/host/host_fixture.h"
 
 namespace candela::testing {
 namespace {
 
-// The last three end just behind a strip of a level (server/render/host/bloom/bloom_levels.cc).
+// The last three end just behind a strip of a level (server/render/host/bloom.cc).
 constexpr Size kBloomSizes[] = {{1, 1},     {1, 7},    {2, 2},     {3, 5},     {8, 3},      {17, 31},
                                 {64, 64},   {67, 63},  {129, 127}, {333, 517}, {1000, 501}, {1, 1000},
                                 {1091, 70}, {2500, 9}, {1026, 40}, {2050, 30}, {2066, 33}};

@@ -2,7 +2,7 @@
 
 #include <bit>
 
-#include "server/render/host/lanes/targets.h"
+#include "server/render/host/targets.h"
 // Only after targets.h.
 #include <hwy/highway.h>
 #include <hwy/targets.h>

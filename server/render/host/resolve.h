@@ -4,8 +4,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
+#include "server/base/crew.h"
+#include "server/render/frame/executor.h"
 #include "server/render/frame/frame_textures.h"
+#include "server/render/frame/table_points.h"
+#include "server/render/plan/plan.h"
 #include "shaders/params.h"
 
 namespace candela::host {
@@ -35,5 +40,23 @@ struct ResolveFound {
 // Makes rows first <= y < last. Any thread. The bits do not depend on how the rows are split. Needs
 // instruction_set().
 ResolveFound resolve_rows(const ResolveJob& job, uint32_t first, uint32_t last);
+
+// The last pass, as a plan has it, on a crew of threads.
+
+using TablePoints = std::vector<TablePoint>;
+
+// The points of the colour table and the pieces of the gain map; null if there is none.
+struct Tables {
+  const TablePoints* colors = nullptr;
+  const TablePoints* gain = nullptr;
+};
+
+// Makes the image, tight at `tight_output`, or in the `output` texture if that is null. Needs
+// instruction_set().
+Drawn run_resolve(const ResolveStep& step, const Tables& tables, const FrameTextures& textures,
+                  std::byte* tight_output, Crew& crew);
+
+// The same, unquantised, into the `exact` texture.
+void run_exact(const ResolveStep& step, const Tables& tables, const FrameTextures& textures, Crew& crew);
 
 }  // namespace candela::host

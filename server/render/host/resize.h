@@ -6,7 +6,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/render/host/resolve/resolve.h"
+#include "server/base/crew.h"
+#include "server/render/frame/frame_textures.h"
+#include "server/render/host/resolve.h"
+#include "server/render/plan/plan.h"
 #include "server/render/plan/resize_plan.h"
 
 namespace candela::host {
@@ -47,5 +50,10 @@ inline constexpr uint32_t kKeptRows = 128;
 void resize_down(const ResizeJob& job, TexelRange rows, TexelRange columns);
 // The scene's texels of these rows of the image, from the whole rows of the block.
 void resize_across(const ResizeJob& job, TexelRange rows);
+
+// Resizes the frame's light, as a plan has it, on a crew of threads.
+
+// Makes the `scene` texture. Needs instruction_set().
+void run_resize(const ResizeStep& step, const FrameTextures& textures, Crew& crew);
 
 }  // namespace candela::host
