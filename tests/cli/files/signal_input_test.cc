@@ -11,7 +11,6 @@
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/png.h"
-#include "tests/unit/image/png_bytes.h"
 
 namespace candela {
 namespace {

@@ -14,8 +14,7 @@
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
-#include "tests/unit/image/png_bytes.h"
-#include "tests/unit/image/signal_support.h"
+#include "tests/unit/image/png.h"
 
 namespace candela {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tests/support/status.h"
-#include "tests/unit/image/exr/exr_reader_fixture.h"
+#include "tests/unit/image/exr_reader_fixture.h"
 
 namespace candela {
 namespace {

@@ -1,20 +1,25 @@
 // Signals and their light, and PNG files as input.
 #include "client/image/read/signal.h"
 
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <gtest/gtest.h>
+#include <half.h>
 #include <png.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <tuple>
 #include <vector>
 
 #include "client/image/color.h"
+#include "client/image/power.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
+#include "tests/unit/image/exr_reader_fixture.h"
 #include "tests/unit/image/image_support.h"
-#include "tests/unit/image/png_bytes.h"
-#include "tests/unit/image/signal_support.h"
+#include "tests/unit/image/png.h"
 
 namespace candela {
 namespace {
@@ -219,6 +224,249 @@ TEST(PngReader, AnInterlacedPictureIsWhole) {
   }
   EXPECT_TRUE(
       says(read_signal(bytes.substr(0, bytes.size() / 2)).status().message(), "the file is truncated"));
+}
+
+// --input-transfer for files of numbers: OpenEXR, PFM, PHM and Radiance.
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+// A PFM of one row: "PF" of R, G, B; "PF4" with alpha.
+std::string pfm_row(const std::string& kind, const std::vector<float>& values) {
+  const size_t components = kind == "PF4" ? 4 : 3;
+  std::string bytes = kind + "\n" + std::to_string(values.size() / components) + " 1\n-1\n";
+  bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof values[0]);
+  return bytes;
+}
+
+absl::StatusOr<Image> decoded(const std::string& bytes, PictureChoice choice) {
+  return read_image_bytes("file", bytes, {}, choice);
+}
+
+std::string notes_of(const Image& image) {
+  std::string all;
+  for (const std::string& note : image.notes) all += note + "\n";
+  return all;
+}
+
+long double pq(long double v) {
+  const long double p = std::pow(v, 32.0L / 2523);
+  return 10000 / 203.0L *
+         std::pow(std::max(p - 3424.0L / 4096, 0.0L) / (2413.0L / 128 - 2392.0L / 128 * p), 16384.0L / 2610);
+}
+long double hlg_scene(long double v) {
+  return v <= 0.5L ? v * v / 3 : (std::exp((v - 0.55991073L) / 0.17883277L) + 0.28466892L) / 12;
+}
+
+TEST(Power, IsThatOfLongDoubles) {
+  double most = 0;
+  for (const double y : {0.2, 1 / 2.4, 1.8, 2.2, 2.4, 32.0 / 2523, 16384.0 / 2610}) {
+    for (double x = 1e-40; x < 1e40; x *= 1.0137) {
+      const long double exact = std::pow(static_cast<long double>(x), static_cast<long double>(y));
+      most = std::max(most, std::fabs(static_cast<double>(power(x, y) / exact - 1)));
+    }
+  }
+  for (double x = -300; x < 300; x += 0.0437) {
+    const long double exact = std::exp(static_cast<long double>(x));
+    most = std::max(most, std::fabs(static_cast<double>(exponential(x) / exact - 1)));
+  }
+  EXPECT_LT(most, 1e-12);
+  printf("power and exponential: at most %.3g\n", most);
+  EXPECT_EQ(power(1, 2.4), 1);
+  EXPECT_EQ(power(0, 2.4), 0);
+  EXPECT_EQ(power(kInfinity, 2.4), kInfinity);
+  EXPECT_TRUE(std::isnan(power(kNan, 2.4)));
+  EXPECT_EQ(power(1e300, 2.4), kInfinity);
+  EXPECT_EQ(power(1e-300, 2.4), 0);
+  EXPECT_EQ(exponential(-1e9), 0);
+  EXPECT_EQ(exponential(1e9), kInfinity);
+  EXPECT_TRUE(std::isnan(exponential(kNan)));
+  EXPECT_EQ(log2_of(8), 3);
+  EXPECT_EQ(log2_of(0x1p-1070), -1070);
+  EXPECT_EQ(exponential(-740), std::exp(-740.0));  // denormal
+}
+
+TEST(SignalValues, EveryTransferIsWithinAFloatsRounding) {
+  std::vector<float> values;
+  for (int i = 0; i <= 3000; ++i) values.push_back(static_cast<float>(i) / 3000);
+  while (values.size() % 3 != 0) values.push_back(1e-6f * static_cast<float>(values.size()));
+  const std::string bytes = pfm_row("PF", values);
+  const auto expect = [&](SignalTransfer transfer, auto light) {
+    ASSERT_OK_AND_ASSIGN(const Image image, decoded(bytes, {.transfer = transfer}));
+    double most = 0;
+    for (size_t i = 0; i < values.size(); ++i) {
+      const auto exact = static_cast<double>(light(i));
+      const double seen = component(image, static_cast<uint32_t>(i / 3), 0, static_cast<int>(i % 3));
+      if (exact < 1e-12) {
+        EXPECT_NEAR(seen, exact, 1e-18);
+      } else {
+        most = std::max(most, std::fabs(seen / exact - 1));
+      }
+    }
+    EXPECT_LE(most, 6.1e-8) << static_cast<int>(transfer);
+  };
+  const auto value = [&](size_t i) { return static_cast<long double>(values[i]); };
+  expect(SignalTransfer::kLinear, value);
+  expect(SignalTransfer::kGamma, [&](size_t i) { return std::pow(value(i), 2.2L); });
+  expect(SignalTransfer::kPq, [&](size_t i) { return pq(value(i)); });
+  expect(SignalTransfer::kSrgb, [&](size_t i) {
+    return value(i) <= 0.04045L ? value(i) / 12.92L : std::pow((value(i) + 0.055L) / 1.055L, 2.4L);
+  });
+  // A file without primaries is Rec.2020, whose luminance is that of BT.2100 to 1e-4: 0.2627, 0.6780, 0.0593.
+  const double r = 0.262700212, g = 0.677998072, b = 0.0593017165;
+  expect(SignalTransfer::kHlg, [&](size_t i) {
+    const size_t first = i - i % 3;
+    const long double y =
+        r * hlg_scene(value(first)) + g * hlg_scene(value(first + 1)) + b * hlg_scene(value(first + 2));
+    return y > 0 ? 1000 / 203.0L * std::pow(y, 0.2L) * hlg_scene(value(i)) : 0.0L;
+  });
+}
+
+TEST(SignalValues, PqAndHlgAreLightOfADisplay) {
+  for (const auto transfer : {SignalTransfer::kPq, SignalTransfer::kHlg}) {
+    ASSERT_OK_AND_ASSIGN(const Image image,
+                         decoded(pfm_row("PF", {0.5f, 0.5f, 0.5f}), {.transfer = transfer}));
+    EXPECT_TRUE(image.display_light);
+    EXPECT_FALSE(image.names_primaries);
+    EXPECT_EQ((*image.chromaticities)[0], 0.708f);
+    EXPECT_TRUE(says(notes_of(image), ": 1 is reference white, 203 nit"));
+    EXPECT_FALSE(absl::StrContains(notes_of(image), "were cut"));
+    ASSERT_OK_AND_ASSIGN(const Image own,
+                         decoded(pfm_row("PF", {0.5f, 0, 1}), {.own_values = true, .transfer = transfer}));
+    EXPECT_FALSE(own.chromaticities);
+    EXPECT_FALSE(own.names_primaries);
+  }
+  ASSERT_OK_AND_ASSIGN(const Image srgb,
+                       decoded(pfm_row("PF", {0.5f, 0, 1}), {.transfer = SignalTransfer::kSrgb}));
+  EXPECT_FALSE(srgb.display_light);
+  EXPECT_FALSE(srgb.names_primaries);
+  EXPECT_EQ(notes_of(srgb), "");
+  // --ocio-input takes the values as they are.
+  ASSERT_OK_AND_ASSIGN(const Image kept,
+                       decoded(pfm_row("PF", {0.5f, -1, 2}),
+                               {.own_values = true, .transfer = SignalTransfer::kPq, .keeps_signal = true}));
+  EXPECT_EQ(component(kept, 0, 0, 0), 0.5f);
+  EXPECT_EQ(component(kept, 0, 0, 2), 2);
+  EXPECT_FALSE(kept.display_light);
+}
+
+TEST(SignalValues, WhatIsNoSignalIsCutWithANote) {
+  const std::string bytes = pfm_row("PF", {-0.5f, 1.5f, 1, kInfinity, -kInfinity, -0.0f, kNan, 0.5f, 1});
+  for (const auto transfer : {SignalTransfer::kPq, SignalTransfer::kHlg}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, decoded(bytes, {.transfer = transfer}));
+    const float white = component(image, 0, 0, 2);
+    EXPECT_EQ(component(image, 0, 0, 0), 0);
+    EXPECT_EQ(component(image, 0, 0, 1), white);
+    EXPECT_GT(component(image, 1, 0, 0), 1);
+    EXPECT_TRUE(std::isfinite(component(image, 1, 0, 0)));
+    EXPECT_EQ(component(image, 1, 0, 1), 0);
+    EXPECT_EQ(component(image, 1, 0, 2), 0);
+    EXPECT_TRUE(std::isnan(component(image, 2, 0, 0)));  // --bad-values decides
+    EXPECT_GT(component(image, 2, 0, 1), 0);
+    EXPECT_TRUE(says(notes_of(image), ": values below 0 or above 1 are no signal, and were cut"));
+  }
+  // The curves of a scene go on.
+  ASSERT_OK_AND_ASSIGN(const Image srgb, decoded(bytes, {.transfer = SignalTransfer::kSrgb}));
+  EXPECT_FLOAT_EQ(component(srgb, 0, 0, 0), -0.5f / 12.92f);
+  EXPECT_FLOAT_EQ(component(srgb, 0, 0, 1), static_cast<float>(std::pow(1.555 / 1.055, 2.4)));
+  EXPECT_EQ(component(srgb, 1, 0, 0), kInfinity);
+  EXPECT_TRUE(std::isnan(component(srgb, 2, 0, 0)));
+  ASSERT_OK_AND_ASSIGN(const Image gamma, decoded(bytes, {.transfer = SignalTransfer::kGamma}));
+  EXPECT_FLOAT_EQ(component(gamma, 0, 0, 0), -static_cast<float>(std::pow(0.5, 2.2)));
+  EXPECT_EQ(component(gamma, 1, 0, 1), -kInfinity);
+  EXPECT_EQ(notes_of(gamma), "");
+}
+
+TEST(SignalValues, ColourIsDividedByAlphaBefore) {
+  const float white = 0.580688881f;
+  ASSERT_OK_AND_ASSIGN(const Image image,
+                       decoded(pfm_row("PF4", {white, 0.25f * white, 0, 1,     //
+                                               0.25f * white, 0, 0.5f, 0.25f,  // 0.5 / 0.25 is above 1
+                                               white, 0, 0, 0, white, 0, 0, kInfinity}),
+                               {.transfer = SignalTransfer::kPq}));
+  EXPECT_NEAR(component(image, 0, 0, 0), 1, 1e-6);
+  EXPECT_NEAR(component(image, 1, 0, 0), 0.25, 1e-6);
+  EXPECT_FLOAT_EQ(component(image, 1, 0, 2), 0.25f * 10000 / 203);
+  EXPECT_NEAR(component(image, 2, 0, 0), 1, 1e-6);
+  EXPECT_NEAR(component(image, 3, 0, 0), 1, 1e-6);
+  EXPECT_EQ(component(image, 1, 0, 3), 0.25f);
+  EXPECT_TRUE(image.has_alpha);
+}
+
+TEST(SignalValues, HalvesAndRadianceBecomeTheirLight) {
+  std::string phm = "PH\n1 1\n-1\n";
+  for (const float v : {0.5f, 0.25f, 1.0f}) {
+    const uint16_t bits = half(v).bits();
+    phm.append(reinterpret_cast<const char*>(&bits), sizeof bits);
+  }
+  ASSERT_OK_AND_ASSIGN(const Image image, decoded(phm, {.transfer = SignalTransfer::kGamma}));
+  EXPECT_EQ(image.format, ImageFormat::kRgba32f);
+  EXPECT_FLOAT_EQ(component(image, 0, 0, 1), static_cast<float>(std::pow(0.25, 2.2)));
+  ASSERT_OK_AND_ASSIGN(const Image same, decoded(phm, {.transfer = SignalTransfer::kLinear}));
+  EXPECT_EQ(same.format, ImageFormat::kRgba16f);
+  // As halves it fits, as floats it does not.
+  const absl::Status status =
+      read_image_bytes("file", phm, {.max_bytes = 8}, {.transfer = SignalTransfer::kPq}).status();
+  EXPECT_TRUE(says(status.message(), "file: the image is 1x1 pixels of 16 bytes; the limit is 8 bytes"));
+  EXPECT_OK(read_image_bytes("file", phm, {.max_bytes = 8}).status());
+
+  const std::string hdr =
+      "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + std::string("\x80\x40\x20\x80", 4);
+  ASSERT_OK_AND_ASSIGN(const Image radiance, decoded(hdr, {.transfer = SignalTransfer::kPq}));
+  EXPECT_NEAR(component(radiance, 0, 0, 0), static_cast<double>(pq(0.5L)), 1e-6);
+  EXPECT_TRUE(radiance.display_light);
+  // X and Z of CIE XYZ have no luminance.
+  std::string xyz = hdr;
+  xyz.replace(xyz.find("rgbe"), 4, "xyze");
+  ASSERT_OK_AND_ASSIGN(const Image light, decoded(xyz, {.transfer = SignalTransfer::kHlg}));
+  const auto y = static_cast<double>(hlg_scene(0.25L));
+  EXPECT_NEAR(component(light, 0, 0, 1), 1000 / 203.0 * std::pow(y, 1.2), 1e-6);
+}
+
+class ExrSignals : public ExrReader {
+ protected:
+  absl::StatusOr<Image> read_named(const std::string& id, PictureChoice choice) {
+    Imf::Header header(2, 1);
+    if (!id.empty()) header.insert("colorInteropID", Imf::StringAttribute(id));
+    write_scan_lines(path_, header,
+                     {{"R", Imf::HALF, [](int, int) { return 0.5; }},
+                      {"G", Imf::HALF, [](int, int) { return 0.25; }},
+                      {"B", Imf::HALF, [](int, int) { return 0.125; }}});
+    return read_image(path_, {}, choice);
+  }
+};
+
+TEST_F(ExrSignals, TheUsersTransferCountsAndTheFilesPrimaries) {
+  for (const auto& [id, red] : {std::pair("pq_p3d65_display", 0.68f),
+                                {"srgb_ap1_scene", 0.713f},
+                                {"lin_ap1_scene", 0.713f},
+                                {"hlg_rec2020_display", 0.708f},
+                                {"studio:pq_p3d65_display", 0.708f},
+                                {"g26_xyzd65_display", 0.708f},
+                                {"", 0.708f}}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_named(id, {.transfer = SignalTransfer::kPq}));
+    EXPECT_EQ(image.format, ImageFormat::kRgba32f);
+    EXPECT_NEAR(component(image, 0, 0, 1), static_cast<double>(pq(0.25L)), 1e-7) << id;
+    EXPECT_EQ((*image.chromaticities)[0], red) << id;
+    EXPECT_TRUE(image.display_light);
+    EXPECT_FALSE(absl::StrContains(notes_of(image), "decoded from")) << notes_of(image);
+  }
+  ASSERT_OK_AND_ASSIGN(const Image linear,
+                       read_named("srgb_ap1_scene", {.transfer = SignalTransfer::kLinear}));
+  EXPECT_EQ(component(linear, 0, 0, 1), 0.25f);
+  EXPECT_EQ((*linear.chromaticities)[0], 0.713f);
+  ASSERT_OK_AND_ASSIGN(const Image unknown,
+                       read_named("g26_xyzd65_display", {.transfer = SignalTransfer::kGamma}));
+  EXPECT_FALSE(unknown.names_primaries);
+  EXPECT_TRUE(says(notes_of(unknown), "its colorInteropID, \"g26_xyzd65_display\", is not used: no public"));
+  ASSERT_OK_AND_ASSIGN(const Image own,
+                       read_named("pq_p3d65_display", {.own_values = true, .transfer = SignalTransfer::kPq}));
+  EXPECT_FALSE(own.chromaticities);
+  EXPECT_NEAR(component(own, 0, 0, 1), static_cast<double>(pq(0.25L)), 1e-7);
+  EXPECT_TRUE(says(read_named("pq_p3d65_display", {}).status().message(),
+                   "the signal of a display; name its curve with --input-transfer, such as pq"));
+  const absl::Status large = read_image(path_, {.max_bytes = 16}, {.transfer = SignalTransfer::kPq}).status();
+  EXPECT_TRUE(says(large.message(), "2x1 pixels of 16 bytes; the limit is 16 bytes"));
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 
 namespace candela {
 
-inline constexpr double kPi = 3.14159265358979323846;
+using reference::kPi;
 
 inline double dot3(const reference::Direction& a, const reference::Direction& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -20,8 +20,8 @@ namespace {
 using testing::real_clock;
 using testing::VirtualClock;
 
-constexpr Heartbeat::Options kOptions;
-const absl::Duration kTick = kOptions.interval / 4;
+constexpr Heartbeat::Options kHeartbeatOptions;
+const absl::Duration kTick = kHeartbeatOptions.interval / 4;
 
 // Keeps the reports.
 class Reports {
@@ -61,8 +61,8 @@ void pass(VirtualClock& clock, RenderLoop& loop, int ticks) {
   }
 }
 
-constexpr int kLimitTicks = 24;        // of kOptions.limit
-constexpr int kMovingLimitTicks = 96;  // of kOptions.moving_limit
+constexpr int kLimitTicks = 24;        // of kHeartbeatOptions.limit
+constexpr int kMovingLimitTicks = 96;  // of kHeartbeatOptions.moving_limit
 
 TEST(Heartbeat, AnIdleLoopIsAskedOnceAnIntervalAndStaysGood) {
   VirtualClock clock;
@@ -75,7 +75,7 @@ TEST(Heartbeat, AnIdleLoopIsAskedOnceAnIntervalAndStaysGood) {
         ++beats;
         return absl::OkStatus();
       },
-      kOptions, reports.function());
+      kHeartbeatOptions, reports.function());
   pass(clock, loop, 400);
   EXPECT_EQ(beats, 100);
   heartbeat.stop();
@@ -93,7 +93,7 @@ TEST(Heartbeat, GoodFramesSpareTheBeat) {
         ++beats;
         return absl::OkStatus();
       },
-      kOptions, reports.function());
+      kHeartbeatOptions, reports.function());
   for (int i = 0; i < 100; ++i) {
     heartbeat.worked(true);
     pass(clock, loop, 3);
@@ -107,7 +107,7 @@ TEST(Heartbeat, BeatsThatFailAreReportedAndSoIsThatTheyWorkAgain) {
   Reports reports;
   std::atomic<bool> good = false;
   Heartbeat heartbeat(
-      loop, clock, [&good] { return good ? absl::OkStatus() : absl::UnavailableError("lost"); }, kOptions,
+      loop, clock, [&good] { return good ? absl::OkStatus() : absl::UnavailableError("lost"); }, kHeartbeatOptions,
       reports.function());
   pass(clock, loop, kLimitTicks);
   EXPECT_TRUE(reports.all().empty());
@@ -127,7 +127,7 @@ TEST(Heartbeat, FramesThatFailDoNotHideThatBeatsDo) {
   RenderLoop loop = idle_loop(clock);
   Reports reports;
   Heartbeat heartbeat(
-      loop, clock, [] { return absl::UnavailableError("lost"); }, kOptions, reports.function());
+      loop, clock, [] { return absl::UnavailableError("lost"); }, kHeartbeatOptions, reports.function());
   for (int i = 0; i <= kLimitTicks; ++i) {
     heartbeat.worked(false);
     pass(clock, loop, 1);
@@ -146,7 +146,7 @@ TEST(Heartbeat, AThreadThatIsStuckIsReportedAndSoIsItsEnd) {
       8, clock);
   Reports reports;
   Heartbeat heartbeat(
-      loop, clock, [] { return absl::OkStatus(); }, kOptions, reports.function());
+      loop, clock, [] { return absl::OkStatus(); }, kHeartbeatOptions, reports.function());
   FrameJob job;
   job.frame = std::make_shared<Frame>();
   job.done = [](auto) {};
@@ -188,7 +188,7 @@ TEST(Heartbeat, ABeatThatWaitsWhenItStopsIsNotSent) {
           ++beats;
           return absl::OkStatus();
         },
-        kOptions, [](Heartbeat::Pulse) {});
+        kHeartbeatOptions, [](Heartbeat::Pulse) {});
     clock.tick(kTick, 8);
   }
   open.Notify();

@@ -24,7 +24,7 @@ constexpr OwnDoor::Options kQuick{.interval = absl::Milliseconds(50),
                                   .dead_limit = absl::Milliseconds(400)};
 
 // What an OwnDoor reports.
-class Reports {
+class DoorReports {
  public:
   void add(OwnDoor::State state) {
     const absl::MutexLock lock(&mutex_);
@@ -56,7 +56,7 @@ ListeningSocket listen() { return std::move(ListeningSocket::listen("listen", "1
 // In real time. The kernel completes connections that nobody accepts, so connecting alone proves nothing.
 TEST(OwnDoor, ASocketThatNobodyAcceptsIsDeafUntilSomebodyAnswers) {
   const ListeningSocket socket = listen();
-  Reports reports;
+  DoorReports reports;
   const OwnDoor door({{socket.local(), false}}, real_clock(), kQuick,
                      [&](OwnDoor::State state) { reports.add(state); });
   EXPECT_TRUE(reports.becomes(false, true));
@@ -83,7 +83,7 @@ TEST(OwnDoor, TheTimeForAnAnswerCountsAsDeaf) {
   constexpr OwnDoor::Options kOptions;
   const ListeningSocket socket = listen();
   VirtualClock clock;
-  Reports reports;
+  DoorReports reports;
   const OwnDoor door({{socket.local(), false}}, clock, kOptions,
                      [&](OwnDoor::State state) { reports.add(state); });
   for (int check = 1; check <= 12; ++check) {
@@ -105,7 +105,7 @@ TEST(OwnDoor, AnAddressWithoutASocketIsDeaf) {
   const sockaddr_storage at = socket->local();
   socket.reset();
   VirtualClock clock;
-  Reports reports;
+  DoorReports reports;
   const OwnDoor door({{at, true}}, clock, kOptions, [&](OwnDoor::State state) { reports.add(state); });
   for (int check = 1; check <= 24; ++check) {
     clock.tick(kOptions.interval);

@@ -1,8 +1,10 @@
-// States and given exposures: sessions that continue another one, and frames that bring their exposure.
+#include "server/session/sessions.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "proto/candela/v1/limits.h"
 #include "server/session/render_start.h"
@@ -13,9 +15,69 @@
 namespace candela {
 namespace {
 
-constexpr int64_t kFrameNs = 41'666'667;  // 24 a second
+class CountingCall final : public SessionCall {
+ public:
+  void go_away() override { ++told; }
+  void give_up() override {}
+  int told = 0;
+};
 
-FrameStats metered_at(double mean_log2_luminance) {
+class DrainTest : public ::testing::Test {
+ protected:
+  std::shared_ptr<Drain> begin() {
+    return Drain::begin(calls_, sessions_, table_, [this](bool drained) {
+      EXPECT_EQ(ended_, std::nullopt) << "ended twice";
+      ended_ = drained;
+    });
+  }
+  void enter(CallGate& gate) { EXPECT_TRUE(gate.enter().ok()); }
+  void leave(CallGate& gate) {
+    gate.give_up_place();
+    gate.leave();
+  }
+
+  CallGate calls_{"calls", 2};
+  CallGate sessions_{"sessions", 2};
+  SessionTable table_;
+  std::optional<bool> ended_;
+};
+
+TEST_F(DrainTest, AnEmptyServerIsDrainedAtOnceAndTakesNobody) {
+  begin();
+  EXPECT_EQ(ended_, true);
+  EXPECT_TRUE(absl::IsUnavailable(calls_.enter()));
+  EXPECT_TRUE(absl::IsUnavailable(sessions_.enter()));
+}
+
+TEST_F(DrainTest, SessionsAreToldAndTheLastCallToLeaveEndsIt) {
+  const auto session = std::make_shared<CountingCall>();
+  ASSERT_TRUE(table_.enter("s", 0, /*resumed=*/false, session).ok());
+  enter(calls_);
+  enter(calls_);
+  enter(sessions_);
+  const auto drain = begin();
+  EXPECT_EQ(session->told, 1);
+  leave(sessions_);
+  leave(calls_);
+  calls_.give_up_place();
+  EXPECT_EQ(ended_, std::nullopt) << "a client was not told yet";
+  calls_.leave();
+  EXPECT_EQ(ended_, true);
+  drain->on_time();
+}
+
+TEST_F(DrainTest, ItsTimeEndsItAndWhoLeavesLaterDoesNot) {
+  enter(calls_);
+  begin()->on_time();
+  EXPECT_EQ(ended_, false);
+  leave(calls_);
+}
+
+// States and given exposures: sessions that continue another one, and frames that bring their exposure.
+
+constexpr int64_t kFrameOf24Ns = 41'666'667;  // 24 a second
+
+FrameStats stats_at(double mean_log2_luminance) {
   FrameStats stats;
   stats.mean_log2_luminance = mean_log2_luminance;
   stats.metered_weight = 1;
@@ -26,13 +88,13 @@ FrameStats metered_at(double mean_log2_luminance) {
 }
 
 v1::Exposure defaults() { return Settings()->exposure(); }
-double target(double mean) { return exposure_target(defaults(), mean); }
+double target_of(double mean) { return exposure_target(defaults(), mean); }
 
 // Adds and meters frame `i`. Returns the frames that are decided then.
 std::vector<FrameExposure> show(ExposureTrack& track, uint64_t i, double mean, bool cut = false,
                                 std::optional<double> given = std::nullopt) {
-  EXPECT_OK(track.add(i, static_cast<int64_t>(i) * kFrameNs, cut, defaults(), given));
-  track.metered(i, metered_at(mean));
+  EXPECT_OK(track.add(i, static_cast<int64_t>(i) * kFrameOf24Ns, cut, defaults(), given));
+  track.metered(i, stats_at(mean));
   std::vector<FrameExposure> decided;
   while (std::optional<FrameExposure> one = track.next()) decided.push_back(*one);
   return decided;
@@ -78,7 +140,7 @@ TEST(SessionState, HoldsACutThatIsPendingAndCellsThatAreNotMetered) {
   ExposureTrack track(0, 0.0, back);
   const ExposurePoint next = show(track, 10, 4.0).at(0).point;
   EXPECT_TRUE(next.cut);
-  EXPECT_EQ(next.exposed.exposure, target(4.0));
+  EXPECT_EQ(next.exposed.exposure, target_of(4.0));
 }
 
 TEST(SessionState, FramesMustNotComeBeforeIt) {
@@ -147,12 +209,13 @@ TEST(GivenExposure, ReplacesTheExposureAndNotTheTarget) {
   ExposureTrack track(0, 0.0, {});
   show(track, 0, 0.0);
   const ExposurePoint given = show(track, 1, 2.0, false, 5.0).at(0).point;
-  EXPECT_EQ(given.exposed, (Exposed{5.0, target(2.0)}));
-  EXPECT_EQ(given.before, target(0.0));
+  EXPECT_EQ(given.exposed, (Exposed{5.0, target_of(2.0)}));
+  EXPECT_EQ(given.before, target_of(0.0));
   const ExposurePoint next = show(track, 2, 2.0).at(0).point;
   EXPECT_EQ(next.before, 5.0) << "the next frame adapts from it";
-  EXPECT_EQ(next.exposed.exposure,
-            adapt_exposure(defaults().adaptation(), PreviousExposure{5.0, kFrameNs * 1e-9}, target(2.0)));
+  EXPECT_EQ(
+      next.exposed.exposure,
+      adapt_exposure(defaults().adaptation(), PreviousExposure{5.0, kFrameOf24Ns * 1e-9}, target_of(2.0)));
 }
 
 TEST(GivenExposure, WaitsForNoLaterFrameAndHasItsWeightInTheLookAheadOfEarlierOnes) {
@@ -161,9 +224,9 @@ TEST(GivenExposure, WaitsForNoLaterFrameAndHasItsWeightInTheLookAheadOfEarlierOn
   EXPECT_TRUE(show(track, 1, 2.0, false, 5.0).empty()) << "the frame before it waits";
   const auto decided = show(track, 2, 6.0, false, 7.0);
   ASSERT_EQ(decided.size(), 3u);
-  EXPECT_EQ(decided[0].point.exposed.target, target((3 * 1.0 + 2 * 2.0 + 6.0) / 6));
-  EXPECT_EQ(decided[1].point.exposed, (Exposed{5.0, target(2.0)}));
-  EXPECT_EQ(decided[2].point.exposed, (Exposed{7.0, target(6.0)}));
+  EXPECT_EQ(decided[0].point.exposed.target, target_of((3 * 1.0 + 2 * 2.0 + 6.0) / 6));
+  EXPECT_EQ(decided[1].point.exposed, (Exposed{5.0, target_of(2.0)}));
+  EXPECT_EQ(decided[2].point.exposed, (Exposed{7.0, target_of(6.0)}));
 }
 
 TEST(GivenExposure, AFrameWithNothingMeteredTakesItAndPassesItsCutOn) {
@@ -174,7 +237,7 @@ TEST(GivenExposure, AFrameWithNothingMeteredTakesItAndPassesItsCutOn) {
   track.metered(0, dark);
   const std::optional<FrameExposure> first = track.next();
   ASSERT_TRUE(first);
-  EXPECT_EQ(first->point.exposed, (Exposed{3.0, target(kNothingMetered)}));
+  EXPECT_EQ(first->point.exposed, (Exposed{3.0, target_of(kNothingMetered)}));
   EXPECT_TRUE(show(track, 1, 1.0).at(0).point.cut);
 }
 
@@ -187,7 +250,7 @@ TEST(GivenExposure, IsAFactorAndARepeatBringsTheSame) {
   EXPECT_FALSE(track.add(0, 0, false, defaults(), 6.0).ok());
   EXPECT_EQ(show(track, 0, 9.0, false, 5.0).at(0).point.exposed.exposure, 5.0);
   ExposureTrack resumed(0, 0.0, show(track, 1, 1.0, false, 4.0).at(0).point);
-  EXPECT_FALSE(resumed.add(1, kFrameNs, false, defaults(), 5.0).ok());
+  EXPECT_FALSE(resumed.add(1, kFrameOf24Ns, false, defaults(), 5.0).ok());
   EXPECT_EQ(show(resumed, 1, 1.0, false, 4.0).at(0).point.exposed.exposure, 4.0);
 }
 

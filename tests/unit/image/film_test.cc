@@ -1,4 +1,6 @@
 // The command lines of films, and HDR films by the ffmpeg that is installed.
+#include "client/run/film.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,7 +12,6 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_join.h"
-#include "client/run/film.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 

@@ -16,7 +16,7 @@
 #include "client/image/color.h"
 #include "client/image/describe.h"
 #include "tests/support/status.h"
-#include "tests/unit/image/exr/exr_reader_fixture.h"
+#include "tests/unit/image/exr_reader_fixture.h"
 
 namespace candela {
 namespace {
