@@ -9,6 +9,9 @@
 
 #include "proto/candela/v1/settings.h"
 #include "server/render/frame/frame_textures.h"
+#include "server/render/self_test.h"
+#include "server/vulkan/device.h"
+#include "server/vulkan/functions.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/status.h"
 
@@ -256,5 +259,69 @@ TEST_F(Verified, TakesItsMemoryFromTheBudgetAndGivesItBack) {
   EXPECT_EQ(enough.counters().bytes_in_use, 0u);
 }
 
+// The self-test passes on a correct device and refuses a wrong image.
+
+using SelfTest = DeviceTest;
+
+TEST_F(SelfTest, RendersAFrameAndPasses) {
+  const PoolCounters before = pool().counters();
+  ASSERT_OK_AND_ASSIGN(const std::string digest, self_test(renderer()));
+  const PoolCounters after = pool().counters();
+  EXPECT_GT(after.hits + after.misses, before.hits + before.misses);
+  EXPECT_EQ(digest.size(), 64u);
+  // Also where the memory holds another frame.
+  ASSERT_OK_AND_ASSIGN(const auto other, render(natural(131, 37), {}));
+  ASSERT_OK_AND_ASSIGN(const std::string again, self_test(renderer()));
+  EXPECT_EQ(again, digest);
+}
+
+TEST_F(SelfTest, SeesOneWrongPixel) {
+  ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(67, 35), {}));
+  EXPECT_OK(hold_to_reference(rendered.memory, rendered.report));
+  // The device rendered this texel differently from the reference.
+  rendered.memory.input_row(20)[5 * 8 + 1] ^= std::byte{0x08};
+  const absl::Status status = hold_to_reference(rendered.memory, rendered.report);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
+}
+
+TEST_F(SelfTest, SeesWrongStatistics) {
+  ASSERT_OK_AND_ASSIGN(auto rendered, render(natural(67, 35), {}));
+  FrameReport metered_wrong = rendered.report;
+  metered_wrong.stats.mean_log2_luminance += 1e-4;
+  EXPECT_FALSE(hold_to_reference(rendered.memory, metered_wrong).ok());
+  FrameReport counted_wrong = rendered.report;
+  ++counted_wrong.stats.negative_components;
+  EXPECT_FALSE(hold_to_reference(rendered.memory, counted_wrong).ok());
+}
+
 }  // namespace
 }  // namespace candela::testing
+
+// In a build with CANDELA_VALIDATION, a misuse of Vulkan ends the process that does it.
+
+#ifdef CANDELA_VALIDATION
+
+namespace candela::testing {
+namespace {
+
+// A fence with an unknown flag, on a device that nobody asked to validate.
+void misuse_vulkan() {
+  const absl::StatusOr<std::unique_ptr<Device>> device = Device::create({});
+  VkFenceCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+  info.flags = 2;
+  VkFence fence = VK_NULL_HANDLE;
+  if (vkCreateFence((*device)->handle(), &info, nullptr, &fence) == VK_SUCCESS) {
+    vkDestroyFence((*device)->handle(), fence, nullptr);
+  }
+}
+
+TEST(ValidationDeathTest, AMessageEndsTheProcess) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_DEATH(misuse_vulkan(), "vulkan validation: .*flags");
+}
+
+}  // namespace
+}  // namespace candela::testing
+
+#endif
