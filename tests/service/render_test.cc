@@ -1,15 +1,28 @@
 // Render calls that succeed.
 #include <grpcpp/support/byte_buffer.h>
+#include <gtest/gtest.h>
+#include <half.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <limits>
+#include <numeric>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "client/call/raw_call.h"
+#include "client/call/retry_schedule.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/files.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
 
@@ -291,6 +304,418 @@ TEST_P(Render, ManyClientsAtOnceEachGetTheirOwnImage) {
     });
   }
   for (std::thread& client : clients) client.join();
+}
+
+// Frames and bands that the server refuses.
+
+class BadFrames : public ServiceTest {
+ protected:
+  // Sends the requests, half-closes and returns the call's status.
+  static grpc::Status send(const std::vector<v1::RenderRequest>& requests) {
+    OpenCall call(channel());
+    for (const v1::RenderRequest& request : requests) {
+      if (!call.write(request)) break;
+    }
+    call.stream->WritesDone();
+    return call.finish();
+  }
+  static void expect_refused(const std::vector<v1::RenderRequest>& requests, const std::string& words) {
+    EXPECT_REFUSED(kInvalidArgument, words, send(requests));
+  }
+
+  const WireFrame frame_ = natural(10, 8);
+};
+INSTANTIATE_TEST_SUITE_P(Transport, BadFrames, ::testing::Bool(), transport_name);
+
+TEST_P(BadFrames, BandsThatDoNotTileTheFrameAreRefused) {
+  const v1::RenderRequest start = start_of(frame_);
+  const auto band = [this](uint32_t row, uint32_t rows) { return band_of(frame_, row, rows); };
+  expect_refused({start}, "0 of 8 rows");
+  expect_refused({start, band(0, 7)}, "7 of 8 rows");
+  expect_refused({start, band(0, 4), band(3, 4)}, "row 4 is next");
+  expect_refused({start, band(0, 3), band(4, 4)}, "row 3 is next");
+  expect_refused({start, band(4, 4), band(0, 4)}, "row 0 is next");
+  expect_refused({start, band(0, 8), band(0, 1)}, "only 8");
+  v1::RenderRequest part = band(0, 2);
+  part.mutable_band()->mutable_pixels()->pop_back();
+  expect_refused({start, part}, "whole number of rows");
+  part.mutable_band()->clear_pixels();
+  expect_refused({start, part}, "no pixels");
+  v1::RenderRequest large = band(0, 1);
+  large.mutable_band()->mutable_pixels()->resize(v1::kMaxBandBytes + 80, 'x');
+  expect_refused({start, large}, "at most 2097152");
+}
+
+TEST_P(BadFrames, MessagesOutOfPlaceAreRefused) {
+  const v1::RenderRequest start = start_of(frame_);
+  expect_refused({}, "before its start");
+  expect_refused({band_of(frame_, 0, 8)}, "no `start`");
+  expect_refused({v1::RenderRequest()}, "no `start`");
+  expect_refused({start, start}, "no band");
+  expect_refused({start, v1::RenderRequest()}, "no band");
+}
+
+TEST_P(BadFrames, GarbageIsRefusedWherever) {
+  for (bool after_start : {false, true}) {
+    for (const std::string& bytes : {std::string("\xff\xff\xff\xff"), std::string(1000, '\x12'),
+                                     std::string(10, '\0'), std::string("\x12\x05\x12\xff\xff\xff\x7f")}) {
+      RawCall call(channel(), "/candela.v1.RenderService/Render", absl::Now() + absl::Seconds(20));
+      const grpc::Slice start(start_of(frame_).SerializeAsString());
+      if (after_start) call.write(grpc::ByteBuffer(&start, 1));
+      const grpc::Slice slice(bytes);
+      call.write(grpc::ByteBuffer(&slice, 1));
+      grpc::ByteBuffer answer;
+      EXPECT_FALSE(call.read(answer));
+      EXPECT_EQ(call.finish().error_code(), grpc::INVALID_ARGUMENT);
+    }
+  }
+}
+
+TEST_P(BadFrames, AMessageOverTheLimitIsRefused) {
+  v1::RenderRequest huge = band_of(frame_, 0, 1);
+  huge.mutable_band()->mutable_pixels()->resize(v1::kMaxMessageBytes + 1, 'x');
+  EXPECT_EQ(send({start_of(frame_), huge}).error_code(), grpc::RESOURCE_EXHAUSTED);
+}
+
+TEST_P(BadFrames, AFrameBeyondTheLimitsIsRefusedByItsHeaderBeforeAnyMemory) {
+  ASSERT_TRUE(wait_until_idle(connection()));
+  const v1::PoolInfo before = pool();
+  struct Size {
+    uint32_t width;
+    uint32_t height;
+    grpc::StatusCode code;
+  };
+  for (const Size& size : {Size{0, 8, grpc::INVALID_ARGUMENT}, Size{8, 0, grpc::INVALID_ARGUMENT},
+                           Size{16385, 1, grpc::RESOURCE_EXHAUSTED}, Size{1, 16385, grpc::RESOURCE_EXHAUSTED},
+                           Size{4096, 2049, grpc::RESOURCE_EXHAUSTED},  // a row over the suite's 64 MiB
+                           Size{0xffffffff, 0xffffffff, grpc::RESOURCE_EXHAUSTED},
+                           Size{65536, 65536, grpc::RESOURCE_EXHAUSTED}}) {
+    v1::RenderRequest start = start_of(frame_);
+    start.mutable_start()->mutable_frame()->set_width(size.width);
+    start.mutable_start()->mutable_frame()->set_height(size.height);
+    // The server answers the header alone, without a band or a half-close.
+    RawCall call(channel(), "/candela.v1.RenderService/Render", absl::Now() + absl::Seconds(20));
+    const grpc::Slice bytes(start.SerializeAsString());
+    call.write(grpc::ByteBuffer(&bytes, 1));
+    grpc::ByteBuffer answer;
+    EXPECT_FALSE(call.read(answer));
+    EXPECT_EQ(call.finish().error_code(), size.code) << size.width << "x" << size.height;
+  }
+  const v1::PoolInfo after = pool();
+  EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());  // the pool was not touched
+}
+
+// The frame has 56 MB in 27 bands. A client must not send all of a frame that was refused by its header.
+TEST_P(BadFrames, TheClientHearsARefusalBeforeItHasSentTheFrame) {
+  const FrameDesc desc{16384, 430, v1::PIXEL_FORMAT_RGBA16F};
+  const std::vector<std::byte> pixels(desc.bytes());
+  v1::Settings settings;
+  settings.set_tier("splendid");
+  EXPECT_REFUSED(kInvalidArgument, "splendid",
+                 connection().render(settings, {desc.width, desc.height, v1::PIXEL_FORMAT_RGBA16F, pixels}));
+}
+
+TEST_P(BadFrames, UnknownEnumsAndNonFiniteSettingsAreRefusedByName) {
+  v1::RenderRequest start = start_of(frame_);
+  start.mutable_start()->mutable_settings()->set_curve(static_cast<v1::ToneCurve>(99));
+  expect_refused({start}, "curve is 99");
+  start = start_of(frame_);
+  start.mutable_start()->mutable_settings()->set_prescale(std::numeric_limits<double>::quiet_NaN());
+  expect_refused({start}, "prescale");
+  start = start_of(frame_);
+  start.mutable_start()->mutable_settings()->set_tier(std::string(60000, 'x'));
+  EXPECT_EQ(send({start}).error_code(), grpc::INVALID_ARGUMENT);  // and its message still fits the headers
+}
+
+TEST_P(BadFrames, AFrameThatTheMemoryBudgetCannotHoldNowIsToldToTryAgain) {
+  WireFrame large;
+  large.desc = {4096, 1000, v1::PIXEL_FORMAT_RGBA32F};  // within 64 MiB; five at once are not within 256
+  std::vector<std::unique_ptr<RawCall>> held;
+  for (int i = 0; i < 6; ++i) {
+    auto call = std::make_unique<RawCall>(channel(), "/candela.v1.RenderService/Render",
+                                          absl::Now() + absl::Seconds(20));
+    const grpc::Slice bytes(start_of(large).SerializeAsString());
+    call->write(grpc::ByteBuffer(&bytes, 1));
+    v1::RenderRequest row;
+    row.mutable_band()->set_pixels(std::string(large.desc.row_bytes(), '\0'));
+    const grpc::Slice pixels(row.SerializeAsString());
+    call->write(grpc::ByteBuffer(&pixels, 1));
+    absl::SleepFor(absl::Milliseconds(50));
+    held.push_back(std::move(call));
+  }
+  EXPECT_LE(pool().bytes_in_use(), uint64_t{256} << 20);
+  grpc::ByteBuffer answer;
+  EXPECT_FALSE(held.back()->read(answer));
+  const grpc::Status refusal = held.back()->finish();
+  EXPECT_EQ(refusal.error_code(), grpc::UNAVAILABLE) << refusal.error_message();
+  EXPECT_GT(retry_delay(refusal), absl::ZeroDuration());
+  held.clear();
+  EXPECT_TRUE(wait_until_idle(connection()));
+}
+
+// The hard cases of docs/pipeline.md section 6 over the wire, in every tier. Each gives a finite picture
+// within its error.
+
+class HardCases : public ServiceTest {};
+INSTANTIATE_TEST_SUITE_P(Transport, HardCases, ::testing::Bool(), transport_name);
+
+bool finite(const RenderResult& result) {
+  for (size_t at = 0; at < result.bytes; at += 2) {
+    uint16_t bits;
+    std::memcpy(&bits, result.data.get() + at, sizeof bits);
+    if (!std::isfinite(imath_half_to_float(bits))) return false;
+  }
+  return true;
+}
+
+// A case as a picture of half floats, verified.
+absl::StatusOr<RenderResult> render_case(const Connection& connection, const HardCase& hard, uint32_t width,
+                                         uint32_t height, v1::Settings settings) {
+  settings.set_output_format(v1::OUTPUT_FORMAT_RGBA16F);
+  const WireFrame frame = make_frame(width, height, v1::PIXEL_FORMAT_RGBA32F, hard.texel);
+  FrameView asked = view(frame);
+  asked.verify = true;
+  return connection.render(settings, asked);
+}
+
+// The bound of a tier that leaves bloom's finest level out.
+constexpr double kNoBound = 255;
+
+TEST_P(HardCases, GiveAFinitePictureWithinThePublishedErrorInEveryTier) {
+  ASSERT_OK_AND_ASSIGN(const v1::GetServerInfoResponse info, connection().server_info());
+  for (const v1::Tier& tier : info.tiers()) {
+    for (const auto& [width, height] : {std::pair{1u, 1u}, {1u, 7u}, {3u, 5u}, {16384u, 1u}, {67u, 35u}}) {
+      for (const HardCase& hard : hard_cases(width, height)) {
+        for (const bool bloom : {true, false}) {
+          v1::Settings settings;
+          settings.set_tier(tier.name());
+          if (!bloom) settings.mutable_bloom()->set_intensity(0);
+          const absl::StatusOr<RenderResult> result =
+              render_case(connection(), hard, width, height, settings);
+          const std::string what =
+              tier.name() + " " + hard.name + " " + std::to_string(width) + (bloom ? "" : " no bloom");
+          ASSERT_OK(result) << what;
+          EXPECT_TRUE(finite(*result)) << what;
+          EXPECT_TRUE(std::isfinite(result->header.exposure())) << what;
+          EXPECT_LE(result->header.verify().meter_error_ev(), 2e-5) << what;
+          const double published = bloom ? tier.max_error_codes_with_bloom() : tier.max_error_codes();
+          EXPECT_EQ(published == kNoBound, bloom && tier.name() == "draft") << what;
+          // Half floats are display-linear, so no tier's transfer adds an error.
+          EXPECT_LE(result->header.verify().max_error_codes(), published == kNoBound ? kNoBound : 4e-4)
+              << what;
+        }
+      }
+    }
+  }
+}
+
+// What verification itself cannot tell apart: its images are floats.
+constexpr double kFloatCodes = 5e-5;
+
+TEST_P(HardCases, AreWithinTheBoundThatTheAnswerNames) {
+  std::set<std::string> taken;
+  for (const double codes : {0.05, 1.0}) {
+    for (const HardCase& hard : hard_cases(67, 35)) {
+      for (const bool bloom : {true, false}) {
+        v1::Settings settings;
+        settings.set_max_error_codes(codes);
+        if (!bloom) settings.mutable_bloom()->set_intensity(0);
+        const absl::StatusOr<RenderResult> result = render_case(connection(), hard, 67, 35, settings);
+        const std::string what =
+            hard.name + " within " + std::to_string(codes) + (bloom ? "" : " without bloom");
+        ASSERT_OK(result) << what;
+        const v1::ResultHeader& header = result->header;
+        ASSERT_TRUE(header.has_error_bound_codes()) << what;
+        EXPECT_LE(header.error_bound_codes(), codes) << what;
+        EXPECT_LE(header.verify().max_error_codes(), header.error_bound_codes() + kFloatCodes)
+            << what << ": " << header.tier_reason();
+        taken.insert(header.tier());
+      }
+    }
+  }
+  EXPECT_TRUE(taken.contains("draft") && taken.contains("standard")) << "the cases are too easy or too hard";
+}
+
+// The luminance jumps from black to 65504 between two frames that are no time, a moment or a long time apart.
+TEST_P(HardCases, AStepInLuminanceAdaptsToAFiniteExposure) {
+  const WireFrame bright = flat(67, 35, {65504, 65504, 65504, 1});
+  ASSERT_OK_AND_ASSIGN(const RenderResult dark, connection().render({}, view(flat(67, 35, {0, 0, 0, 1}))));
+  EXPECT_EQ(dark.header.exposure(), 64.0);
+  for (double elapsed : {0.0, 1e-9, 1.0 / 24, 1e9}) {
+    FrameView asked = view(bright);
+    asked.previous.emplace();
+    asked.previous->set_exposure(dark.header.exposure());
+    asked.previous->set_elapsed_seconds(elapsed);
+    ASSERT_OK_AND_ASSIGN(const RenderResult result, connection().render({}, asked));
+    const double target = 1.0 / 64;  // the smallest allowed by default
+    EXPECT_EQ(result.header.target(), target);
+    EXPECT_NEAR(std::log2(result.header.exposure()), -6 + 12 * std::exp(-elapsed), 1e-12) << elapsed;
+  }
+}
+
+// Meter reports the same as Render, without an image.
+
+class Meter : public ServiceTest {
+ protected:
+  static grpc::Status meter(const WireFrame& frame, const v1::Settings& settings,
+                            v1::MeterResponse* response) {
+    grpc::ClientContext context;
+    const auto stub = v1::RenderService::NewStub(channel());
+    const auto writer = stub->Meter(&context, response);
+    v1::RenderRequest start = start_of(frame);
+    *start.mutable_start()->mutable_settings() = settings;
+    writer->Write(start);
+    writer->Write(band_of(frame, 0, frame.desc.height));
+    writer->WritesDone();
+    return writer->Finish();
+  }
+};
+// The sum of the alphas of a frame of halves, in 255 steps each.
+uint64_t weight_of(const WireFrame& frame) {
+  uint64_t weight = 0;
+  for (size_t at = 6; at < frame.pixels.size(); at += 8) {
+    uint16_t bits;
+    std::memcpy(&bits, &frame.pixels[at], sizeof bits);
+    weight += static_cast<uint64_t>(std::lround(255 * imath_half_to_float(bits)));
+  }
+  return weight;
+}
+INSTANTIATE_TEST_SUITE_P(Transport, Meter, ::testing::Bool(), transport_name);
+
+TEST_P(Meter, SaysWhatRenderSaysOfTheSameFrame) {
+  const WireFrame frame = natural(131, 67);
+  ASSERT_GT(weight_of(frame), 255u);
+  for (const auto statistic : {v1::Metering::STATISTIC_LOG_AVERAGE, v1::Metering::STATISTIC_PERCENTILE}) {
+    v1::Settings settings;
+    settings.mutable_exposure()->mutable_metering()->set_statistic(statistic);
+    v1::MeterResponse metered;
+    ASSERT_OK(meter(frame, settings, &metered));
+    ASSERT_OK_AND_ASSIGN(const RenderResult rendered, connection().render(settings, view(frame)));
+    EXPECT_EQ(metered.exposure(), rendered.header.exposure());
+    EXPECT_EQ(metered.target(), rendered.header.target());
+    EXPECT_EQ(metered.statistics().SerializeAsString(), rendered.header.statistics().SerializeAsString());
+    EXPECT_EQ(std::accumulate(metered.histogram().begin(), metered.histogram().end(), uint64_t{0}),
+              weight_of(frame));
+  }
+}
+
+TEST_P(Meter, HistogramHasAFlatFrameInItsBin) {
+  v1::MeterResponse metered;
+  ASSERT_OK(meter(flat(40, 30, {2.0f, 2.0f, 2.0f, 1.0f}), {}, &metered));
+  const auto bin = static_cast<int>((1.0 - metered.histogram_first_ev()) * metered.histogram_bins_per_ev());
+  // Luminance weights add up to 1 except for rounding, so it may also be the bin below.
+  EXPECT_EQ(metered.histogram(bin) + metered.histogram(bin - 1), 1200u);
+}
+
+TEST_P(Meter, LeavesOutAbsentPixelsAndSaysWhatALimitHeld) {
+  WireFrame frame = make_frame(40, 30, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t) -> Texel {
+    return x < 10 ? Texel{2.0f, 2.0f, 2.0f, 1.0f} : Texel{0, 0, 0, 0};
+  });
+  v1::Settings settings;
+  settings.mutable_exposure()->set_min_exposure(0.25);
+  v1::MeterResponse metered;
+  ASSERT_OK(meter(frame, settings, &metered));
+  EXPECT_EQ(metered.statistics().absent_pixels(), 900u);
+  EXPECT_NEAR(metered.statistics().mean_log2_luminance(), 1.0, 2e-5);
+  EXPECT_EQ(metered.target(), 0.25);
+  EXPECT_NEAR(metered.target_before_limits(), 0.09, 1e-5);
+  ASSERT_OK_AND_ASSIGN(const RenderResult rendered, connection().render(settings, view(frame)));
+  EXPECT_EQ(rendered.header.target_before_limits(), metered.target_before_limits());
+  EXPECT_EQ(metered.statistics().SerializeAsString(), rendered.header.statistics().SerializeAsString());
+}
+
+TEST_P(Meter, RefusesWhatRenderRefuses) {
+  WireFrame frame = natural(16, 16);
+  v1::Settings settings;
+  settings.mutable_exposure()->set_key(-1);
+  v1::MeterResponse metered;
+  EXPECT_EQ(meter(frame, settings, &metered).error_code(), grpc::INVALID_ARGUMENT);
+}
+
+// A session that moves between a server with the device's passes and one with the host's.
+
+class PassesMoved : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    Config config = test_config();
+    config.resume_keys = folder_.path("keys");
+    write_file(config.resume_keys, "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n");
+    ASSERT_EQ(chmod(config.resume_keys.c_str(), S_IRUSR), 0);
+    config.executor = ExecutorKind::kDevice;
+    device_ = start_server(config);
+    config.executor = ExecutorKind::kHost;
+    absl::StatusOr<std::unique_ptr<Server>> host = Server::start(config, real_clock(), alarm_timers());
+    if (absl::IsFailedPrecondition(host.status())) GTEST_SKIP() << host.status();
+    ASSERT_OK(host);
+    host_ = *std::move(host);
+  }
+
+  static v1::DeviceInfo device_of(Server& server) {
+    return Connection(server.in_process_channel())
+        .server_info(absl::Now() + absl::Seconds(10))
+        .value()
+        .device();
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<Server> device_;
+  std::unique_ptr<Server> host_;
+};
+
+std::vector<WireFrame> brightening() {
+  std::vector<WireFrame> frames;
+  for (uint32_t i = 0; i < 6; ++i) {
+    const float light = std::exp2(static_cast<float>(i) - 2.0f);
+    frames.push_back(make_frame(97, 41, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) {
+      Texel t = scenes::natural(97, 41)(x, y);
+      for (size_t k = 0; k < 3; ++k) t[k] *= light;
+      return t;
+    }));
+  }
+  return frames;
+}
+
+// The answers of the frames from `first` on.
+std::vector<StreamResult> go_on(Server& server, v1::StreamOpen open, const std::vector<WireFrame>& frames,
+                                size_t first) {
+  StreamClient client(server.in_process_channel());
+  EXPECT_TRUE(client.open(open));
+  std::thread writer([&] {
+    for (size_t i = first; i < frames.size(); ++i) client.send(frames[i], i, film_time_ns(i));
+    client.half_close();
+  });
+  std::vector<StreamResult> results = client.read_all();
+  writer.join();
+  EXPECT_OK(client.finish());
+  return results;
+}
+
+TEST_F(PassesMoved, KeepsItsExposuresAndItsPixelsWithinACode) {
+  EXPECT_EQ(device_of(*device_).passes(), "device");
+  EXPECT_EQ(device_of(*host_).passes(), "host");
+  EXPECT_NE(device_of(*device_).bits(), device_of(*host_).bits());
+  const std::vector<WireFrame> frames = brightening();
+  v1::StreamOpen open;
+  open.set_session("moving");
+  for (Server* const first : {device_.get(), host_.get()}) {
+    Server& second = first == device_.get() ? *host_ : *device_;
+    open.set_resume_token("");
+    const std::vector<StreamResult> whole = go_on(*first, open, frames, 0);
+    ASSERT_EQ(whole.size(), frames.size());
+    open.set_resume_token(whole[2].token());
+    const std::vector<StreamResult> rest = go_on(second, open, frames, 3);
+    ASSERT_EQ(rest.size(), frames.size() - 3);
+    for (size_t i = 0; i < rest.size(); ++i) {
+      const StreamResult& there = whole[3 + i];
+      EXPECT_EQ(std::bit_cast<uint64_t>(rest[i].header.exposure()),
+                std::bit_cast<uint64_t>(there.header.exposure()));
+      ASSERT_EQ(rest[i].pixels.size(), there.pixels.size());
+      for (size_t k = 0; k < there.pixels.size(); ++k) {
+        ASSERT_LE(std::abs(static_cast<uint8_t>(rest[i].pixels[k]) - static_cast<uint8_t>(there.pixels[k])),
+                  1);
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -80,5 +81,13 @@ class ServiceTest : public ::testing::TestWithParam<bool> {
 };
 
 std::string transport_name(const ::testing::TestParamInfo<bool>& info);
+
+// Reads a server's metrics port.
+
+// Returns the whole answer to GET `path`; empty if nobody listens.
+std::string get(const std::string& address, const std::string& path);
+
+// Maps `name{label="value"}` to its value.
+std::map<std::string, double> scrape(const Server& server);
 
 }  // namespace candela::testing

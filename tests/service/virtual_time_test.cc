@@ -6,8 +6,8 @@
 #include <thread>
 
 #include "server/session/client_memory.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/stream_client.h"
 #include "tests/support/clock/virtual_clock.h"
 
 namespace candela::testing {

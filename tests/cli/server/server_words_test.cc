@@ -17,7 +17,7 @@
 #include "client/connection.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
-#include "tests/service/server/test_ca.h"
+#include "tests/service/test_ca.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"

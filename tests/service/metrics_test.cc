@@ -12,10 +12,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
-#include "tests/service/server/scrape.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/session_run.h"
-#include "tests/service/sessions/stream_client.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

@@ -5,10 +5,8 @@
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/neighbours.h"
-#include "tests/service/sessions/stream_client.h"
-#include "tests/service/sessions/wire_cutter.h"
 #include "tests/support/figures.h"
 #include "tests/support/status.h"
 

@@ -1,4 +1,4 @@
-#include "tests/service/server/test_ca.h"
+#include "tests/service/test_ca.h"
 
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>

@@ -18,9 +18,8 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/stream_client.h"
-#include "tests/service/sessions/wire_cutter.h"
 #include "tests/support/figures.h"
 #include "tests/support/status.h"
 

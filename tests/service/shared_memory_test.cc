@@ -1,27 +1,131 @@
-// Frames and images that pass through shared memory.
+// A client of the `.memory` socket that the test controls step by step.
 #include "client/call/shared_memory.h"
 
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
+#include <memory>
 #include <random>
+#include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
-#include "tests/service/memory/raw_region.h"
+#include "server/base/listening_socket.h"
+#include "server/session/client_memory.h"
+#include "server/session/memory_door.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/session_run.h"
-#include "tests/service/sessions/stream_client.h"
+#include "tests/support/clock/virtual_clock.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
 namespace {
+
+// A connection to `path`; not open if nobody listens there. Closes it at the end.
+class MemoryClient {
+ public:
+  explicit MemoryClient(const std::string& path);
+  ~MemoryClient();
+  MemoryClient(const MemoryClient&) = delete;
+  MemoryClient& operator=(const MemoryClient&) = delete;
+
+  // Sends these bytes with these descriptors. Returns whether it could.
+  bool send(const std::string& bytes, const std::vector<int>& descriptors);
+  // Waits for the answer; "" if the server closed.
+  std::string answer();
+  // Waits until the server has closed.
+  bool closed() { return answer().empty(); }
+  void close();
+
+ private:
+  int socket_ = -1;
+};
+
+// A memfd of `bytes`, with these seals. The caller closes it.
+int make_memfd(uint64_t bytes, int seals, unsigned flags = 0) {
+  const int descriptor = memfd_create("test", MFD_CLOEXEC | MFD_ALLOW_SEALING | flags);
+  if (descriptor >= 0 && ftruncate(descriptor, static_cast<off_t>(bytes)) == 0) {
+    fcntl(descriptor, F_ADD_SEALS, seals);
+  }
+  return descriptor;
+}
+
+int all_seals() { return F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL; }
+
+MemoryClient::MemoryClient(const std::string& path)
+    : socket_(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  sockaddr_un to{};
+  to.sun_family = AF_UNIX;
+  std::memcpy(to.sun_path, path.data(), path.size());
+  if (connect(socket_, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) close();
+}
+
+MemoryClient::~MemoryClient() { close(); }
+
+void MemoryClient::close() {
+  if (socket_ >= 0) ::close(socket_);
+  socket_ = -1;
+}
+
+bool MemoryClient::send(const std::string& bytes, const std::vector<int>& descriptors) {
+  std::string data = bytes;
+  iovec part{data.data(), data.size()};
+  std::vector<char> control(CMSG_SPACE(descriptors.size() * sizeof(int)));
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  if (!descriptors.empty()) {
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    cmsghdr* const header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(descriptors.size() * sizeof(int));
+    std::memcpy(CMSG_DATA(header), descriptors.data(), descriptors.size() * sizeof(int));
+  }
+  return sendmsg(socket_, &message, MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
+}
+
+std::string MemoryClient::answer() {
+  std::string bytes(300, '\0');
+  const ssize_t size = recv(socket_, bytes.data(), bytes.size(), 0);
+  bytes.resize(size > 0 ? static_cast<size_t>(size) : 0);
+  return bytes;
+}
+
+// What this process has: its descriptors, and its mappings of memfds.
+size_t open_descriptors() {
+  const std::filesystem::directory_iterator all("/proc/self/fd");
+  return static_cast<size_t>(std::distance(begin(all), end(all)));
+}
+
+size_t memfds_mapped() {
+  std::ifstream maps("/proc/self/maps");
+  size_t count = 0;
+  for (std::string line; std::getline(maps, line);) {
+    if (line.find("/memfd:test") != std::string::npos || line.find("/memfd:candela") != std::string::npos)
+      ++count;
+  }
+  return count;
+}
+
+// Frames and images that pass through shared memory.
 
 class SharedFrames : public ::testing::Test {
  protected:
@@ -444,6 +548,198 @@ TEST(SharedFramesResume, AServerThatIsKilledAndStartedAgainGivesTheSameBits) {
   daemon->signal(SIGTERM);
   EXPECT_EQ(daemon->wait(), 0);
   EXPECT_TRUE(folder.list().empty());
+}
+
+// Clients of the `.memory` socket that do not keep to docs/transport.md, in virtual time.
+
+constexpr uint64_t kBudget = uint64_t{64} << 20;
+constexpr uint64_t kBytes = 1 << 20;
+const std::string kHello(1, '\1');
+
+class MemorySocket : public ::testing::Test {
+ protected:
+  MemorySocket() {
+    auto sockets = ListeningSocket::listen("listen", "unix:" + path_);
+    EXPECT_OK(sockets.status());
+    listening_ = std::make_unique<ListeningSocket>(std::move(sockets->front()));
+    door_ = std::make_unique<MemoryDoor>(
+        regions_, clock_, MemoryDoor::Options{.max_connections = 3, .hello_limit = absl::Seconds(5)},
+        [memory = memory_](uint64_t bytes) { return memory->claim_region(7, bytes); });
+  }
+
+  // A client whose connection the door has.
+  std::unique_ptr<MemoryClient> client() {
+    auto client = std::make_unique<MemoryClient>(path_);
+    const int flags = fcntl(listening_->descriptor(), F_GETFL);
+    fcntl(listening_->descriptor(), F_SETFL, flags & ~O_NONBLOCK);
+    door_->take(accept4(listening_->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    return client;
+  }
+  // The server's answer to one message.
+  std::string answer_to(const std::string& bytes, const std::vector<int>& descriptors) {
+    const auto asking = client();
+    EXPECT_TRUE(asking->send(bytes, descriptors));
+    std::string answer = asking->answer();
+    if (!answer.empty() && answer.front() != 0) {
+      EXPECT_TRUE(asking->closed());
+    }
+    return answer;
+  }
+  void expect_refused(int descriptor, const char* words) {
+    ASSERT_GE(descriptor, 0);
+    const std::string answer = answer_to(kHello, {descriptor});
+    close(descriptor);
+    ASSERT_GT(answer.size(), 1u);
+    EXPECT_NE(answer.find(words), std::string::npos) << answer.substr(1);
+    EXPECT_EQ(regions_.count(), 0u);
+    EXPECT_EQ(memory_->frames_bytes(), 0u);
+  }
+  void wait_for_connections(size_t count) {
+    while (door_->connections() != count) usleep(100);  // its own thread sees the end
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.path("s.memory");
+  const std::shared_ptr<ClientMemory> memory_ =
+      std::make_shared<ClientMemory>(kBudget, 50, absl::Seconds(10));
+  VirtualClock clock_;
+  MemoryRegions regions_;
+  std::unique_ptr<ListeningSocket> listening_;
+  std::unique_ptr<MemoryDoor> door_;
+};
+
+TEST_F(MemorySocket, ARegionLivesAsLongAsItsConnection) {
+  const size_t before = memfds_mapped();
+  auto one = client();
+  const int descriptor = make_memfd(kBytes, all_seals());
+  ASSERT_TRUE(one->send(kHello, {descriptor}));
+  close(descriptor);
+  const std::string answer = one->answer();
+  ASSERT_EQ(answer.size(), 17u);
+  const std::string ticket = answer.substr(1);
+  EXPECT_EQ(memory_->frames_bytes(), kBytes);
+  {
+    const auto region = regions_.find(ticket);
+    ASSERT_OK(region.status());
+    EXPECT_EQ((*region)->bytes(), kBytes);
+    one->close();
+    wait_for_connections(0);
+    EXPECT_REFUSED(kUnavailable, "frame.memory.ticket", regions_.find(ticket).status());
+    // Whoever uses it still can.
+    (*region)->data()[kBytes - 1] = std::byte{1};
+    EXPECT_EQ(memory_->frames_bytes(), kBytes);
+  }
+  EXPECT_EQ(memory_->frames_bytes(), 0u);
+  EXPECT_EQ(memfds_mapped(), before);
+}
+
+TEST_F(MemorySocket, WrongDescriptorsAreRefused) {
+  int pipes[2];
+  ASSERT_EQ(pipe2(pipes, O_CLOEXEC), 0);
+  expect_refused(pipes[0], "no memfd");
+  close(pipes[1]);
+  expect_refused(open("/tmp", O_RDONLY | O_DIRECTORY | O_CLOEXEC), "no memfd");
+  expect_refused(open("/proc/self/exe", O_RDONLY | O_CLOEXEC), "no memfd");
+  expect_refused(make_memfd(kBytes, 0), "seals");
+  expect_refused(make_memfd(kBytes, F_SEAL_SHRINK | F_SEAL_GROW), "seals");
+  expect_refused(make_memfd(kBytes, all_seals() | F_SEAL_WRITE), "F_SEAL_WRITE");
+  expect_refused(make_memfd(0, all_seals()), "0 bytes");
+  expect_refused(make_memfd(uint64_t{1} << 40, all_seals()), "must have 1 to");
+  expect_refused(make_memfd(kBudget / 2, all_seals()), "a quarter of this");
+  // Without pages of that kind it cannot have a size, and is refused for that.
+  if (const int huge = make_memfd(uint64_t{2} << 20, all_seals(), MFD_HUGETLB); huge >= 0) {
+    expect_refused(huge, "region");
+  }
+}
+
+TEST_F(MemorySocket, WrongMessagesAreRefusedAndKeepNoDescriptor) {
+  const int good = make_memfd(kBytes, all_seals());
+  const size_t before = open_descriptors();
+  for (const auto& [bytes, descriptors] :
+       std::vector<std::pair<std::string, std::vector<int>>>{{kHello, {}},
+                                                             {"\2", {good}},
+                                                             {"\1\1", {good}},
+                                                             {std::string(100, '\1'), {good}},
+                                                             {kHello, {good, good}},
+                                                             {kHello, std::vector<int>(200, good)}}) {
+    const std::string answer = answer_to(bytes, descriptors);
+    ASSERT_FALSE(answer.empty());
+    EXPECT_EQ(answer.front(), 3) << answer;
+    EXPECT_EQ(regions_.count(), 0u);
+  }
+  wait_for_connections(0);
+  EXPECT_EQ(open_descriptors(), before);
+  close(good);
+}
+
+TEST_F(MemorySocket, AClientThatSendsMoreIsClosed) {
+  auto one = client();
+  const int descriptor = make_memfd(kBytes, all_seals());
+  ASSERT_TRUE(one->send(kHello, {descriptor}));
+  ASSERT_EQ(one->answer().size(), 17u);
+  one->send(kHello, {descriptor});
+  close(descriptor);
+  EXPECT_TRUE(one->closed());
+  wait_for_connections(0);
+  EXPECT_EQ(regions_.count(), 0u);
+}
+
+TEST_F(MemorySocket, AClientThatIsSilentIsClosedAtItsLimit) {
+  auto silent = client();
+  auto good = client();
+  const int descriptor = make_memfd(kBytes, all_seals());
+  clock_.wait_for_timers(2);
+  ASSERT_TRUE(good->send(kHello, {descriptor}));
+  ASSERT_EQ(good->answer().size(), 17u);
+  close(descriptor);
+  clock_.advance(absl::Milliseconds(4999));
+  EXPECT_EQ(door_->connections(), 2u);
+  clock_.advance(absl::Milliseconds(1));
+  EXPECT_TRUE(silent->closed());
+  wait_for_connections(1);
+  EXPECT_EQ(regions_.count(), 1u);
+}
+
+TEST_F(MemorySocket, BeyondItsLimitConnectionsAreClosedAndTheOthersStay) {
+  std::vector<std::unique_ptr<MemoryClient>> clients;
+  for (int i = 0; i < 3; ++i) clients.push_back(client());
+  for (int i = 0; i < 1000; ++i) {
+    const auto beyond = client();
+    EXPECT_EQ(beyond->answer().front(), 14);
+  }
+  const int descriptor = make_memfd(kBytes, all_seals());
+  ASSERT_TRUE(clients.front()->send(kHello, {descriptor}));
+  EXPECT_EQ(clients.front()->answer().size(), 17u);
+  close(descriptor);
+}
+
+TEST_F(MemorySocket, RegionsTakeAQuarterOfTheBudgetTogether) {
+  std::vector<std::unique_ptr<MemoryClient>> clients;
+  std::vector<char> answers;
+  for (int i = 0; i < 3; ++i) {
+    clients.push_back(client());
+    const int descriptor = make_memfd(kBudget / 8, all_seals());
+    ASSERT_TRUE(clients.back()->send(kHello, {descriptor}));
+    close(descriptor);
+    answers.push_back(clients.back()->answer().front());
+  }
+  EXPECT_EQ(answers, (std::vector<char>{0, 0, 14}));
+  EXPECT_EQ(memory_->frames_bytes(), kBudget / 4);
+}
+
+TEST_F(MemorySocket, ItsEndClosesEveryConnection) {
+  const size_t before = memfds_mapped();
+  auto silent = client();
+  auto good = client();
+  const int descriptor = make_memfd(kBytes, all_seals());
+  ASSERT_TRUE(good->send(kHello, {descriptor}));
+  ASSERT_EQ(good->answer().size(), 17u);
+  close(descriptor);
+  door_.reset();
+  EXPECT_TRUE(silent->closed());
+  EXPECT_TRUE(good->closed());
+  EXPECT_EQ(regions_.count(), 0u);
+  EXPECT_EQ(memfds_mapped(), before);
 }
 
 }  // namespace

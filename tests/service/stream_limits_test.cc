@@ -8,8 +8,8 @@
 
 #include "absl/time/clock.h"
 #include "client/call/retry_schedule.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/stream_client.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

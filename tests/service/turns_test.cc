@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/neighbours.h"
 #include "tests/support/figures.h"
 #include "tests/support/passes.h"
 #include "tests/support/status.h"

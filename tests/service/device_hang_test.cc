@@ -5,9 +5,8 @@
 #include <thread>
 
 #include "absl/time/clock.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/session_run.h"
-#include "tests/service/sessions/stream_client.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"

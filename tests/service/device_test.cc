@@ -1,11 +1,21 @@
 // The loss of the Vulkan device, which the tests simulate.
-#include <atomic>
+#include "server/vulkan/device.h"
 
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <atomic>
+#include <set>
+
+#include "absl/cleanup/cleanup.h"
 #include "absl/time/clock.h"
-#include "tests/service/server/scrape.h"
+#include "server/device_keeper.h"
+#include "tests/service/clients.h"
+#include "tests/service/environment_fixture.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/session_run.h"
-#include "tests/service/sessions/stream_client.h"
+#include "tests/support/clock/real_clock.h"
+#include "tests/support/files.h"
+#include "tests/support/passes.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
@@ -207,6 +217,206 @@ TEST(DeviceLost, FourLossesInARowAreSaidOnceAndHealthFollows) {
   }
   EXPECT_TRUE(absl::IsUnavailable(connection.render({}, view(natural(16, 16))).status()));
   EXPECT_EQ(gone, 1);
+}
+
+// A server without a Vulkan device.
+
+class HostDevice : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    Config config = test_config();
+    config.device = kHostDevice;
+    absl::StatusOr<std::unique_ptr<Server>> server = Server::start(config, real_clock(), alarm_timers());
+    if (absl::IsFailedPrecondition(server.status())) GTEST_SKIP() << server.status();
+    ASSERT_OK(server);
+    server_ = *std::move(server);
+  }
+  Connection connection() const { return Connection(server_->in_process_channel()); }
+  v1::GetServerInfoResponse info() const { return connection().server_info().value(); }
+
+  std::unique_ptr<Server> server_;
+};
+
+std::string bytes_of(const RenderResult& result) {
+  return std::string(reinterpret_cast<const char*>(result.data.get()), result.bytes);
+}
+
+TEST_F(HostDevice, RendersTheBitsOfTheHostInTheMemoryOfAVulkanDevice) {
+  Config config = test_config();
+  config.executor = ExecutorKind::kHost;
+  absl::StatusOr<std::unique_ptr<Server>> other = Server::start(config, real_clock(), alarm_timers());
+  if (absl::IsFailedPrecondition(other.status())) GTEST_SKIP() << other.status();
+  ASSERT_OK(other);
+  const Connection vulkan((*other)->in_process_channel());
+  EXPECT_EQ(info().device().bits(), vulkan.server_info()->device().bits());
+  for (const char* const tier : {"draft", "standard", "reference"}) {
+    v1::Settings settings;
+    settings.set_tier(tier);
+    settings.mutable_bloom()->set_intensity(0.5f);
+    // The second frame takes the textures of the first.
+    for (const WireFrame& frame : {natural(641, 359), natural(640, 360), natural(1, 1)}) {
+      FrameView one = view(frame);
+      one.verify = true;
+      ASSERT_OK_AND_ASSIGN(const RenderResult here, connection().render(settings, one));
+      ASSERT_OK_AND_ASSIGN(const RenderResult there, vulkan.render(settings, one));
+      EXPECT_EQ(bytes_of(here), bytes_of(there)) << tier;
+      EXPECT_EQ(here.header.exposure(), there.header.exposure());
+      EXPECT_EQ(here.header.device(), kHostDevice);
+    }
+  }
+}
+
+TEST_F(HostDevice, SaysInItsInformationThatItHasNoVulkanAndNoEnvironments) {
+  const v1::DeviceInfo device = info().device();
+  EXPECT_EQ(device.name(), kHostDevice);
+  EXPECT_EQ(device.type(), "CPU");
+  EXPECT_EQ(device.driver(), "");
+  EXPECT_EQ(device.api_version(), "");
+  EXPECT_TRUE(device.unified_memory());
+  EXPECT_EQ(device.passes(), "host");
+  EXPECT_EQ(info().limits().environment_budget_bytes(), 0u);
+}
+
+TEST_F(HostDevice, RefusesEveryCallForAnEnvironmentAndSaysWhatToDo) {
+  constexpr char kWords[] = "use another server, or start this one without --device host";
+  const auto panorama = uniform(0.5f);
+  const std::string id = environment_id(*panorama);
+  EXPECT_REFUSED(kFailedPrecondition, kWords, connection().put_environment(*panorama));
+  EXPECT_REFUSED(kFailedPrecondition, kWords, connection().get_environment(id));
+  EXPECT_REFUSED(kFailedPrecondition, kWords, connection().drop_environment(id));
+  EXPECT_REFUSED(kFailedPrecondition, kWords, connection().render({}, frame_of(view_of(id))));
+  EXPECT_REFUSED(kFailedPrecondition, kWords, connection().meter({}, frame_of(view_of(id))));
+  v1::BakeEnvironmentRequest bake;
+  bake.set_id(id);
+  bake.set_format(v1::PIXEL_FORMAT_RGBA16F);
+  EXPECT_REFUSED(kFailedPrecondition, kWords, connection().bake_environment(bake));
+  EXPECT_OK(connection().render({}, view(natural(64, 64)))) << "a refusal hurts others";
+}
+
+TEST_F(HostDevice, GoesOnAfterALossAndWithoutMemory) {
+  const WireFrame frame = natural(320, 240);
+  ASSERT_OK_AND_ASSIGN(const RenderResult before, connection().render({}, view(frame)));
+  server_->lose_device();
+  EXPECT_REFUSED(kUnavailable, "device lost: host", connection().render({}, view(frame)));
+  ASSERT_OK_AND_ASSIGN(const RenderResult after, connection().render({}, view(frame)));
+  EXPECT_EQ(bytes_of(before), bytes_of(after));
+  EXPECT_TRUE(wait_until_idle(connection()));
+  server_->refuse_device_memory();
+  EXPECT_REFUSED(kResourceExhausted, "memory", connection().render({}, view(natural(500, 500))));
+}
+
+absl::StatusOr<std::shared_ptr<RenderDevice>> open_device(const DeviceOptions& options,
+                                                          ExecutorKind executor) {
+  return open_render_device(options, uint64_t{64} << 20, real_clock(), executor);
+}
+
+TEST_F(HostDevice, IsTakenWithoutAGpuOnly) {
+  for (const ExecutorKind executor : {ExecutorKind::kAuto, ExecutorKind::kHost}) {
+    ASSERT_OK_AND_ASSIGN(const auto opened,
+                         open_device({.selector = "", .host_without_gpu = true}, executor));
+    if (has_gpu() && executor == ExecutorKind::kAuto) continue;  // it may have no driver
+    EXPECT_TRUE(opened->device->is_host());
+    EXPECT_EQ(opened->renderer->executor_kind(), ExecutorKind::kHost);
+  }
+  EXPECT_REFUSED(kNotFound, "no-such-device",
+                 open_device({.selector = "no-such-device", .host_without_gpu = true}, ExecutorKind::kAuto));
+}
+
+TEST_F(HostDevice, IsNoneForAProcessorWithoutTheKernels) {
+  hwy::SetSupportedTargetsForTest(HWY_EMU128);
+  const absl::Cleanup restore = [] { hwy::SetSupportedTargetsForTest(0); };
+  constexpr char kWhy[] = "this processor has no vectors with fused multiply-add";
+  EXPECT_REFUSED(kFailedPrecondition, kWhy, open_device({.selector = kHostDevice}, ExecutorKind::kAuto));
+  const absl::StatusOr<std::shared_ptr<RenderDevice>> opened =
+      open_device({.selector = "", .host_without_gpu = true}, ExecutorKind::kAuto);
+  if (absl::IsFailedPrecondition(opened.status())) GTEST_SKIP() << opened.status();
+  ASSERT_OK(opened);
+  EXPECT_FALSE((*opened)->device->is_host());
+  EXPECT_EQ((*opened)->renderer->executor_words(), absl::StrCat("on the device: ", kWhy));
+}
+
+TEST(Gpu, IsThereIfTheKernelShowsANodeOfOne) {
+  const TemporaryFolder devices;
+  EXPECT_FALSE(has_gpu(devices.path("")));
+  std::filesystem::create_directory(devices.path("dri"));
+  write_file(devices.path("dri/card0"), "");  // a display
+  EXPECT_FALSE(has_gpu(devices.path("")));
+  for (const char* const node : {"dri/renderD129", "nvidiactl", "dxg"}) {
+    write_file(devices.path(node), "");
+    EXPECT_TRUE(has_gpu(devices.path(""))) << node;
+    std::filesystem::remove(devices.path(node));
+  }
+}
+
+// What a server says of its bits, and a lost device that comes back with others.
+
+absl::StatusOr<std::shared_ptr<RenderDevice>> open_device() {
+  return open_render_device(DeviceOptions{}, uint64_t{64} << 20, real_clock(), executor_of_environment());
+}
+
+// A keeper whose device is opened again as `change` makes it.
+struct Kept {
+  explicit Kept(std::function<void(RenderDevice&)> change)
+      : metrics("0", "device", "driver", "passes"),
+        keeper(open_device().value(),
+               [change = std::move(change)] {
+                 absl::StatusOr<std::shared_ptr<RenderDevice>> opened = open_device();
+                 if (opened.ok()) change(**opened);
+                 return opened;
+               },
+               metrics, {.on_replaced = [this] { ++replaced; }, .on_gone = [this] { ++gone; }}) {}
+
+  // The device is lost, and a frame fails because of it.
+  void lose() {
+    keeper.lose(1);
+    keeper.job_ended(nullptr, absl::UnavailableError("device lost"));
+  }
+
+  Metrics metrics;
+  int replaced = 0, gone = 0;
+  DeviceKeeper keeper;
+};
+
+TEST(OtherBits, ADeviceThatComesBackWithItsBitsGoesOn) {
+  Kept kept([](RenderDevice&) {});
+  const std::string bits = kept.keeper.current()->bits;
+  EXPECT_EQ(bits.size(), 16u);
+  kept.lose();
+  EXPECT_EQ(kept.replaced, 1);
+  EXPECT_FALSE(kept.keeper.gone());
+  EXPECT_EQ(kept.keeper.current()->bits, bits);
+}
+
+TEST(OtherBits, ADeviceThatComesBackWithOthersIsGivenUp) {
+  Kept kept([](RenderDevice& device) { device.bits[0] = device.bits[0] == '0' ? '1' : '0'; });
+  const std::shared_ptr<RenderDevice> first = kept.keeper.current();
+  for (int i = 0; i < kMaxRebuilds; ++i) {
+    EXPECT_FALSE(kept.keeper.gone());
+    kept.lose();
+  }
+  kept.lose();
+  EXPECT_TRUE(kept.keeper.gone());
+  EXPECT_EQ(kept.gone, 1);
+  EXPECT_EQ(kept.replaced, 0);
+  EXPECT_EQ(kept.keeper.current(), first);
+}
+
+TEST(OtherBits, ServersOfOneKindSayTheSameInInfoAndSession) {
+  std::set<std::string> said;
+  for (int i = 0; i < 2; ++i) {
+    const std::unique_ptr<Server> server = start_server(test_config());
+    const auto channel = server->in_process_channel();
+    said.insert(Connection(channel).server_info().value().device().bits());
+    StreamClient client(channel);
+    v1::StreamOpen open;
+    open.set_session("shot");
+    ASSERT_TRUE(client.open(open));
+    client.half_close();
+    EXPECT_TRUE(client.read_all().empty());
+    said.insert(client.opened().bits());
+  }
+  EXPECT_EQ(said.size(), 1u);
+  EXPECT_EQ(said.begin()->size(), 16u);
 }
 
 }  // namespace

@@ -3,11 +3,18 @@
 #include <png.h>
 
 #include <cmath>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/time/clock.h"
+#include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/pixel_size.h"
+#include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/service/sessions/stream_client.h"
 #include "tests/support/settings.h"
 #include "tests/support/status.h"
 
@@ -367,6 +374,365 @@ TEST_P(Stream, ATokenIsGoodUntilAResultHasComeBack) {
   StreamClient late(channel());
   late.open("twice", {}, token);
   EXPECT_EQ(late.finish().error_code(), grpc::FAILED_PRECONDITION);
+}
+
+// Frames without alpha and compressed ones, and images without alpha: the same bits in fewer bytes.
+
+class Compact : public ServiceTest {
+ protected:
+  static SessionRun run(SessionOptions asked, Transport transport, const Film& film) {
+    asked.transport = transport;
+    return run_session(Session::open({channel()}, asked), film);
+  }
+  // Renders the film from plain and from compressed bands.
+  static void expect_same_bits(const SessionOptions& asked, const Film& film, bool opaque = true) {
+    const SessionRun plain = run(asked, Transport::kGrpc, film);
+    const SessionRun compact = run(asked, Transport::kZstd, film);
+    ASSERT_OK(plain.status);
+    ASSERT_OK(compact.status);
+    ASSERT_EQ(compact.images.size(), film->size());
+    EXPECT_TRUE(plain.images == compact.images);
+    EXPECT_EQ(plain.exposures(), compact.exposures());
+    const bool raw = asked.encoding == v1::ENCODING_RAW;
+    for (const v1::ResultHeader& header : plain.headers) EXPECT_FALSE(header.alpha_left_out());
+    for (const v1::ResultHeader& header : compact.headers) EXPECT_EQ(header.alpha_left_out(), raw && opaque);
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Transport, Compact, ::testing::Bool(), transport_name);
+
+WireFrame opaque(uint32_t width, uint32_t height, v1::PixelFormat format) {
+  return make_frame(width, height, format, ordinary(scenes::natural(width, height)));
+}
+
+Film film_of(uint32_t width, uint32_t height, v1::PixelFormat format) {
+  auto film = std::make_shared<std::vector<WireFrame>>();
+  for (uint32_t i = 0; i < 5; ++i) film->push_back(opaque(width + i % 2, height, format));
+  return film;
+}
+
+// The frame without its alpha.
+WireFrame narrow(const WireFrame& frame) {
+  WireFrame made = frame;
+  const size_t component = bytes_per_pixel(frame.desc.format) / 4;
+  made.desc.format = component == 2 ? v1::PIXEL_FORMAT_RGB16F : v1::PIXEL_FORMAT_RGB32F;
+  made.pixels.clear();
+  for (size_t at = 0; at < frame.pixels.size(); at += 4 * component) {
+    const auto* pixel = frame.pixels.data() + at;
+    made.pixels.insert(made.pixels.end(), pixel, pixel + 3 * component);
+  }
+  return made;
+}
+
+TEST_P(Compact, CompressedFramesGiveTheSameBitsForEverySizeAndFormat) {
+  constexpr v1::PixelFormat kFormats[] = {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F,
+                                          v1::PIXEL_FORMAT_RGB9E5};
+  constexpr v1::OutputFormat kOutputs[] = {v1::OUTPUT_FORMAT_RGBA8, v1::OUTPUT_FORMAT_RGBA16,
+                                           v1::OUTPUT_FORMAT_RGBA16F};
+  constexpr Size kSizes[] = {{1, 1}, {2, 7}, {63, 65}, {129, 64}, {733, 501}};
+  for (const Size size : kSizes) {
+    for (size_t i = 0; i < 3; ++i) {
+      SCOPED_TRACE(std::to_string(size.width) + " " + std::to_string(i));
+      SessionOptions asked;
+      asked.settings.set_output_format(kOutputs[i]);
+      expect_same_bits(asked, film_of(size.width, size.height, kFormats[i]));
+    }
+  }
+}
+
+TEST_P(Compact, FilesResizedImagesAndThoseWithAlphaAreTheSameBitsToo) {
+  SessionOptions asked;
+  asked.settings.mutable_output_size()->set_width(77);
+  expect_same_bits(asked, make_film(4, 170, 90));
+  asked = {};
+  asked.encoding = v1::ENCODING_PNG;
+  expect_same_bits(asked, make_film(4, 170, 90));
+  auto film = std::make_shared<std::vector<WireFrame>>();
+  for (uint32_t i = 0; i < 4; ++i) {
+    film->push_back(make_frame(64, 48, v1::PIXEL_FORMAT_RGBA16F, [](uint32_t x, uint32_t y) -> Texel {
+      return {0.3f, 0.2f, 0.1f, x == 3 && y == 5 ? 0.5f : 1.0f};
+    }));
+  }
+  expect_same_bits({}, film, /*opaque=*/false);
+}
+
+TEST_P(Compact, FramesWithoutAlphaGiveTheBitsOfAnAlphaOfOne) {
+  for (const v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
+    const Film film = film_of(333, 201, format);
+    auto thin = std::make_shared<std::vector<WireFrame>>();
+    for (const WireFrame& frame : *film) thin->push_back(narrow(frame));
+    const SessionRun expected = run({}, Transport::kGrpc, film);
+    for (const Transport transport : {Transport::kGrpc, Transport::kZstd}) {
+      const SessionRun got = run({}, transport, thin);
+      ASSERT_OK(got.status);
+      EXPECT_TRUE(got.images == expected.images);
+    }
+    // A single call.
+    const WireFrame one = narrow(opaque(31, 17, format));
+    OpenCall call(channel());
+    v1::RenderRequest start = start_of(one);
+    start.mutable_start()->mutable_frame()->set_may_leave_out_alpha(true);
+    ASSERT_TRUE(call.write(start) && call.write(band_of(one, 0, 17)));
+    call.stream->WritesDone();
+    v1::RenderResponse response;
+    ASSERT_TRUE(call.stream->Read(&response));
+    EXPECT_TRUE(response.header().alpha_left_out());
+    ASSERT_TRUE(call.stream->Read(&response));
+    EXPECT_EQ(response.band().pixels().size(), 31u * 17 * 3);
+    EXPECT_OK(call.finish());
+  }
+}
+
+v1::RenderRequest zstd_band(const WireFrame& frame, uint32_t first, uint32_t rows) {
+  v1::RowPacker packer;
+  const size_t row = frame.desc.row_bytes();
+  const grpc::Slice packed = packer.pack(std::span(frame.pixels).subspan(first * row, rows * row),
+                                         frame.desc.width, frame.desc.format);
+  v1::RenderRequest request;
+  request.mutable_band()->set_first_row(first);
+  request.mutable_band()->set_zstd(packed.begin(), packed.size());
+  return request;
+}
+
+TEST_P(Compact, BandsThatDoNotFitOrAreDamagedAreRefused) {
+  const WireFrame frame = natural(10, 8);
+  const auto refused = [&](const v1::RenderRequest& band, const std::string& words) {
+    OpenCall call(channel());
+    ASSERT_TRUE(call.write(start_of(frame)));
+    call.write(band);
+    call.stream->WritesDone();
+    EXPECT_REFUSED(kInvalidArgument, words, call.finish());
+  };
+  const WireFrame tall = natural(10, 9), wide = natural(11, 8);
+  refused(zstd_band(tall, 0, 9), "holds 9 rows and the frame has only 8");
+  refused(zstd_band(wide, 0, 7), "not a whole number of rows of 80 bytes");
+  refused(zstd_band(frame, 1, 7), "row 0 is next");
+  refused(zstd_band(frame, 0, 7), "7 of 8 rows");
+  v1::RenderRequest damaged = zstd_band(frame, 0, 8);
+  damaged.mutable_band()->mutable_zstd()->resize(damaged.band().zstd().size() / 2);
+  refused(damaged, "not one whole frame of zstd");
+  damaged = zstd_band(frame, 0, 8);
+  damaged.mutable_band()->mutable_zstd()->at(30) ^= 0x55;
+  // Other pixels, or none: nobody is hurt.
+  OpenCall call(channel());
+  call.write(start_of(frame));
+  call.write(damaged);
+  call.stream->WritesDone();
+  const grpc::StatusCode code = call.finish().error_code();
+  EXPECT_TRUE(code == grpc::OK || code == grpc::INVALID_ARGUMENT) << code;
+  damaged.mutable_band()->set_zstd("no frame of zstd at all");
+  refused(damaged, "not one whole frame of zstd");
+}
+
+TEST_P(Compact, FramesWithoutAlphaAreNotTakenFromMemory) {
+  v1::RenderRequest start = start_of(narrow(opaque(10, 8, v1::PIXEL_FORMAT_RGBA16F)));
+  start.mutable_start()->mutable_frame()->mutable_memory()->set_ticket(std::string(16, 't'));
+  start.mutable_start()->mutable_frame()->mutable_memory()->set_pixels_offset(0);
+  OpenCall call(channel());
+  call.write(start);
+  EXPECT_REFUSED(kInvalidArgument, "pixels in memory have an alpha", call.finish());
+}
+
+// A session in parts: states, given exposures, and sessions without images. Together the parts give the bits
+// of one run.
+
+constexpr size_t kFrames = 20;
+constexpr double kCutEv = 0.5;
+
+// Three scenes that differ in their pictures, in light that varies from frame to frame.
+Film scenes() {
+  auto film = std::make_shared<std::vector<WireFrame>>();
+  for (uint32_t i = 0; i < kFrames; ++i) {
+    const uint32_t scene = i < 5 ? 0 : i < 13 ? 1 : 2;
+    const float light = std::exp2(3 * std::sin(0.7f * static_cast<float>(i)));
+    film->push_back(make_frame(256, 192, v1::PIXEL_FORMAT_RGBA16F, [=](uint32_t x, uint32_t y) -> Texel {
+      const bool lit = scene == 0 ? x < 128 : scene == 1 ? y < 96 : x >= 128;
+      const float value = light * (lit ? 1.0f : 0.05f) * (0.5f + noise(x, y, i));
+      return {value, value, 0.5f * value, 1};
+    }));
+  }
+  return film;
+}
+
+struct Shown {
+  v1::ResultHeader header;
+  std::string image;
+};
+
+class SessionParts : public ServiceTest {
+ protected:
+  static void SetUpTestSuite() {
+    ServiceTest::SetUpTestSuite();
+    film_ = new Film(scenes());
+  }
+  static void TearDownTestSuite() {
+    delete film_;
+    ServiceTest::TearDownTestSuite();
+  }
+
+  using Prepare = std::function<void(SessionFrame&)>;
+
+  // Runs the frames `first` .. `last` - 1 as one session.
+  static std::vector<Shown> run(const SessionOptions& options, size_t first = 0, size_t last = kFrames,
+                                const Prepare& prepare = {}) {
+    const SessionRun run = run_frames(Session::open({channel()}, options), first, last, [&](size_t i) {
+      SessionFrame frame = frame_of(*film_, i);
+      if (prepare) prepare(frame);
+      return frame;
+    });
+    EXPECT_OK(run.status);
+    std::vector<Shown> shown;
+    for (size_t i = 0; i < run.images.size(); ++i) shown.push_back({run.headers[i], run.images[i]});
+    return shown;
+  }
+
+  // `part` are the frames of `whole` from `first` on.
+  static void expect_same(const std::vector<Shown>& whole, const std::vector<Shown>& part, size_t first) {
+    for (size_t i = 0; i < part.size(); ++i) {
+      const Shown& expected = whole.at(first + i);
+      EXPECT_EQ(part[i].header.sequence(), expected.header.sequence());
+      EXPECT_EQ(part[i].header.exposure(), expected.header.exposure()) << "frame " << first + i;
+      EXPECT_TRUE(part[i].image == expected.image) << "frame " << first + i;
+    }
+  }
+
+  static inline Film* film_ = nullptr;
+};
+INSTANTIATE_TEST_SUITE_P(Transport, SessionParts, ::testing::Bool(), transport_name);
+
+SessionOptions dithered(double cut_threshold_ev) {
+  SessionOptions options;
+  options.settings.set_dither(true);
+  options.cut_threshold_ev = cut_threshold_ev;
+  return options;
+}
+
+TEST_P(SessionParts, AStateContinuesASessionBitForBit) {
+  for (const auto domain : {v1::Adaptation::DOMAIN_LOG, v1::Adaptation::DOMAIN_LINEAR}) {
+    for (const double threshold : {0.0, kCutEv}) {
+      SessionOptions options = dithered(threshold);
+      options.settings.mutable_exposure()->mutable_adaptation()->set_domain(domain);
+      options.return_state = true;
+      const auto cut = [](SessionFrame& frame) { frame.cut = frame.sequence == 10; };
+      const std::vector<Shown> whole = run(options, 0, kFrames, cut);
+      ASSERT_EQ(whole.size(), kFrames);
+      EXPECT_EQ(whole[13].header.cut(), threshold > 0) << "a detected cut belongs to the test";
+      EXPECT_EQ(whole[7].header.state().picture_size(), threshold > 0 ? 64 : 0);
+      for (const size_t end : {1u, 8u, 10u, 13u}) {
+        SessionOptions rest = options;
+        rest.state = run(options, 0, end, cut).back().header.state();
+        const std::vector<Shown> part = run(rest, end, kFrames, cut);
+        ASSERT_EQ(part.size(), kFrames - end);
+        expect_same(whole, part, end);
+        EXPECT_EQ(part[0].header.exposure_before(), whole[end].header.exposure_before());
+        EXPECT_EQ(part.back().header.state().SerializeAsString(),
+                  whole.back().header.state().SerializeAsString());
+      }
+    }
+  }
+}
+
+TEST_P(SessionParts, WithoutImagesTheExposuresAreThoseOfASessionWithImages) {
+  for (const uint32_t lookahead : {0u, 4u}) {
+    SessionOptions options = dithered(kCutEv);
+    options.lookahead = lookahead;
+    options.return_state = true;
+    const std::vector<Shown> drawn = run(options);
+    options.encoding = v1::ENCODING_NONE;
+    const std::vector<Shown> metered = run(options);
+    ASSERT_EQ(metered.size(), kFrames);
+    for (size_t i = 0; i < kFrames; ++i) {
+      const v1::ResultHeader &with = drawn[i].header, &without = metered[i].header;
+      EXPECT_EQ(metered[i].image, "");
+      EXPECT_EQ(without.encoding(), v1::ENCODING_NONE);
+      EXPECT_EQ(without.encoded_bytes(), 0u);
+      EXPECT_EQ(without.exposure(), with.exposure()) << i;
+      EXPECT_EQ(without.exposure_before(), with.exposure_before()) << i;
+      EXPECT_EQ(without.target(), with.target()) << i;
+      EXPECT_EQ(without.target_before_limits(), with.target_before_limits()) << i;
+      EXPECT_EQ(without.cut(), with.cut()) << i;
+      EXPECT_EQ(without.statistics().SerializeAsString(), with.statistics().SerializeAsString()) << i;
+      EXPECT_EQ(without.state().SerializeAsString(), with.state().SerializeAsString()) << i;
+      EXPECT_EQ(without.plan(without.plan_size() - 1), "no image: the encoding is NONE");
+    }
+    EXPECT_TRUE(wait_until_idle(connection()));
+  }
+}
+
+TEST_P(SessionParts, GivenExposuresGiveTheImagesOfOneRunInAnyParts) {
+  SessionOptions options = dithered(kCutEv);
+  options.lookahead = 4;
+  options.settings.mutable_bloom()->set_kind(v1::Bloom::KIND_GAUSSIAN);
+  const std::vector<Shown> whole = run(options);
+  ASSERT_EQ(whole.size(), kFrames);
+  SessionOptions part = dithered(0);
+  part.settings = options.settings;
+  const auto give = [&whole](SessionFrame& frame) {
+    frame.exposure = whole[frame.sequence].header.exposure();
+  };
+  for (const auto& [first, last] : {std::pair<size_t, size_t>{0, 7}, {7, 8}, {8, 20}}) {
+    const std::vector<Shown> shown = run(part, first, last, give);
+    ASSERT_EQ(shown.size(), last - first);
+    expect_same(whole, shown, first);
+    for (size_t i = 0; i < shown.size(); ++i) {
+      EXPECT_EQ(shown[i].header.statistics().mean_log2_luminance(),
+                whole[first + i].header.statistics().mean_log2_luminance());
+    }
+  }
+}
+
+TEST_P(SessionParts, RenderAndMeterTakeAGivenExposure) {
+  const std::vector<Shown> whole = run({}, 0, 3);
+  ASSERT_EQ(whole.size(), 3u);
+  FrameView frame = view((*film_)->at(2), 2);
+  frame.exposure = whole[2].header.exposure();
+  ASSERT_OK_AND_ASSIGN(const RenderResult alone, connection().render({}, frame));
+  EXPECT_EQ(alone.header.exposure(), whole[2].header.exposure());
+  EXPECT_EQ(alone.header.target(), whole[2].header.target());
+  EXPECT_TRUE(whole[2].image == std::string(reinterpret_cast<const char*>(alone.data.get()), alone.bytes));
+  ASSERT_OK_AND_ASSIGN(const v1::MeterResponse metered, connection().meter({}, frame));
+  EXPECT_EQ(metered.exposure(), *frame.exposure);
+  EXPECT_EQ(metered.target(), alone.header.target());
+  frame.exposure = 0x1p41;
+  EXPECT_TRUE(absl::IsInvalidArgument(connection().render({}, frame).status()));
+}
+
+TEST_P(SessionParts, AStateThatCannotBeIsRefused) {
+  SessionOptions options;
+  options.state.emplace().set_exposure(-1);
+  const absl::StatusOr<Session> session = Session::open({channel()}, options);
+  EXPECT_REFUSED(kInvalidArgument, "open.state.exposure is -1", session);
+}
+
+TEST_P(SessionParts, WithoutImagesLookAheadNeedsNoMemoryOfItsOwn) {
+  // 17 of these frames are more than the server's memory budget of 256 MiB.
+  const auto film =
+      std::make_shared<const std::vector<WireFrame>>(20, flat(2048, 2048, {0.5f, 0.5f, 0.5f, 1}));
+  SessionOptions options;
+  options.lookahead = 16;
+  EXPECT_TRUE(absl::IsResourceExhausted(run_session(Session::open({channel()}, options), film).status));
+  options.encoding = v1::ENCODING_NONE;
+  const SessionRun metered = run_session(Session::open({channel()}, options), film);
+  EXPECT_OK(metered.status);
+  EXPECT_EQ(metered.images, std::vector<std::string>(20, ""));
+}
+
+TEST_P(SessionParts, WithoutImagesABadFrameFailsAlone) {
+  WireFrame bad = flat(64, 64, {0.5f, 0.5f, 0.5f, 1});
+  bad.pixels[1] = std::byte{0x7e};  // a NaN
+  SessionOptions options;
+  options.encoding = v1::ENCODING_NONE;
+  options.lookahead = 2;
+  options.settings.set_bad_values(v1::BAD_VALUES_REJECT);
+  const auto film = std::make_shared<const std::vector<WireFrame>>(
+      std::vector{flat(64, 64, {0.5f, 0.5f, 0.5f, 1}), bad, flat(64, 64, {2, 2, 2, 1})});
+  ASSERT_OK_AND_ASSIGN(Session session, Session::open({channel()}, options));
+  for (size_t i = 0; i < 3; ++i) ASSERT_OK(session.submit(frame_of(film, i)));
+  session.finish();
+  for (size_t i = 0; i < 3; ++i) {
+    const absl::StatusOr<std::optional<FrameResult>> result = session.next_result();
+    ASSERT_TRUE(result.ok() && *result) << result.status();
+    EXPECT_EQ((*result)->status.ok(), i != 1) << (*result)->status;
+  }
 }
 
 }  // namespace
