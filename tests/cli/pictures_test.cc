@@ -1,5 +1,4 @@
-// Files of kinds that people reported to other programs: which picture is read, what is no damage, and
-// headers.
+// The hard cases of docs/pipeline.md section 6 from file to file, in every tier.
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <gtest/gtest.h>
@@ -7,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <regex>
@@ -15,11 +15,89 @@
 #include "absl/strings/str_cat.h"
 #include "client/image/image.h"
 #include "tests/cli/command.h"
+#include "tests/cli/images.h"
 #include "tests/support/files.h"
+#include "tests/support/scenes.h"
 #include "tests/support/status.h"
 
 namespace candela {
 namespace {
+
+constexpr uint32_t kWidth = 67;
+constexpr uint32_t kHeight = 35;
+
+std::string pfm(const testing::HardCase& hard) {
+  std::string bytes = "PF\n67 35\n-1.0\n";
+  for (uint32_t y = kHeight; y-- > 0;) {
+    for (uint32_t x = 0; x < kWidth; ++x) {
+      const testing::Texel texel = hard.texel(x, y);
+      bytes.append(reinterpret_cast<const char*>(texel.data()), 3 * sizeof(float));
+    }
+  }
+  return bytes;
+}
+
+// The error of a picture with the tier `tier`, or with the promise `max_error` in its place.
+double error_of(const std::string& in, const std::string& out, const std::string& option,
+                const std::string& value, const std::string& bloom) {
+  const nlohmann::json done =
+      candela_json({"render", in, out, option, value, "--bloom-intensity", bloom, "--verify", "-q"});
+  EXPECT_TRUE(done.is_object());
+  if (!done.is_object()) return 255;
+  if (option == "--tier") {
+    EXPECT_EQ(done.at("tier"), value);
+  }
+  EXPECT_TRUE(std::isfinite(done.at("exposure").get<double>()));
+  EXPECT_TRUE(done.at("verify").at("max_error_codes").is_number());
+  return done.at("verify").at("max_error_codes").get<double>();
+}
+
+TEST(HardCases, BecomePicturesWithinThePublishedErrorInEveryTier) {
+  const TemporaryFolder folder;
+  const std::string out = folder.path("out.png");
+  // Draft has no bound where something blooms. Without bloom it is within its transfer's error.
+  struct Case {
+    std::string tier, bloom;
+    double codes;
+  };
+  const std::vector<Case> cases = {{"draft", "0.05", 255},
+                                   {"draft", "0", 0.083 + 4e-4},
+                                   {"standard", "0.05", 4e-4},
+                                   {"standard", "0", 4e-4},
+                                   {"reference", "0.05", 4e-4}};
+  for (const testing::HardCase& hard : testing::hard_cases(kWidth, kHeight)) {
+    const std::string in = folder.path("in.pfm");
+    write_file(in, pfm(hard));
+    for (const Case& c : cases) {
+      SCOPED_TRACE(hard.name + " " + c.tier + " " + c.bloom);
+      EXPECT_LE(error_of(in, out, "--tier", c.tier, c.bloom), c.codes);
+    }
+    SCOPED_TRACE(hard.name + " within 0.1");
+    EXPECT_LE(error_of(in, out, "--max-error", "0.1", "0.05"), 0.1);
+  }
+}
+
+// The number of the driver's threads does not change the picture.
+TEST(HardCases, TheNumberOfThreadsChangesNoBit) {
+  const TemporaryFolder folder;
+  const std::string in = folder.path("in.exr");
+  ASSERT_EQ(candela({"sample", in, "--size", "333x217", "-q"}).code, 0);
+  std::string first;
+  for (const char* threads : {"1", "2", "7"}) {
+    setenv("LP_NUM_THREADS", threads, 1);
+    const std::string out = folder.path("out.png");
+    EXPECT_EQ(
+        candela({"render", in, out, "-q", "--bits", "16", "--percentiles", "10,90", "--weights", "center"})
+            .code,
+        0);
+    unsetenv("LP_NUM_THREADS");
+    if (first.empty()) first = read_file(out);
+    EXPECT_TRUE(read_file(out) == first) << threads << " threads";
+  }
+}
+
+// Files of kinds that people reported to other programs: which picture is read, what is no damage, and
+// headers.
 
 class FieldPicture : public ::testing::Test {
  protected:
@@ -229,6 +307,75 @@ TEST_F(FieldPicture, RadianceHeadersAreReadAsRadianceDoes) {
 TEST_F(FieldPicture, PfmHeadersMayHaveCrLfAndComments) {
   expect_c("P02_crlf.pfm");
   expect_c("P03_comment.pfm");
+}
+
+// Runs the command on every file of the shared test data: good files become pictures, and damaged ones are
+// refused by name.
+
+class Data : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (data_folder().empty()) GTEST_SKIP() << "no test data: set CANDELA_DATA to its folder";
+  }
+
+  void expect_refused(const std::string& path, const std::string& words) {
+    const Outcome outcome = candela({"render", path, folder_.path("bad.png")});
+    EXPECT_EQ(outcome.code, 3) << path << ": " << outcome.err;
+    EXPECT_EQ(outcome.err.find("candela: error: " + path + ": "), 0u) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_TRUE(says(outcome.err, words));
+  }
+
+  TemporaryFolder folder_;
+};
+
+class EveryGoodFile : public Data, public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(EveryGoodFile, BecomesAPictureOfItsSizeWithinTheBounds) {
+  for (const std::string& path : data_files(GetParam())) {
+    if (path.ends_with("Trunks_deep.exr")) continue;
+    const std::string png = folder_.path("out.png");
+    const nlohmann::json frame = candela_json({"render", path, png, "--verify"});
+    ASSERT_TRUE(frame.is_object()) << path;
+    const PngFacts facts = png_facts(png);
+    EXPECT_EQ(frame.at("size").at("width"), facts.width) << path;
+    EXPECT_EQ(frame.at("size").at("height"), facts.height) << path;
+    EXPECT_LE(frame.at("verify").at("max_error_codes").get<double>(), 0.5) << path;
+    EXPECT_LE(frame.at("verify").at("p999_error_codes").get<double>(), 0.05) << path;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(In, EveryGoodFile,
+                         ::testing::Values("exr", "chromaticities", "display_window", "compression", "hdri",
+                                           "radiance", "aces", "sequence/beachball_multipart",
+                                           "sequence/pan_apartment"),
+                         [](const auto& folder) {
+                           std::string name = folder.param;
+                           std::replace(name.begin(), name.end(), '/', '_');
+                           return name;
+                         });
+
+TEST_F(Data, EveryDamagedFileIsRefusedByName) {
+  for (const std::string& path : data_files("bad")) {
+    if (path.ends_with("21_type_attribute_lies.exr")) continue;  // a whole picture, on which readers differ
+    expect_refused(path, "");
+  }
+  EXPECT_TRUE(folder_.list().empty());
+}
+
+TEST_F(Data, ADeepImageIsRefusedByName) {
+  expect_refused(data_folder() + "/exr/Trunks_deep.exr", "deep image");
+}
+
+TEST_F(Data, BadPixelsAreCounted) {
+  const nlohmann::json frame =
+      candela_json({"render", data_folder() + "/exr/BrightRingsNanInf.exr", folder_.path("out.png")});
+  EXPECT_EQ(frame.at("bad_values"), nlohmann::json({{"nan", 6}, {"inf", 12}, {"negative", 6}}));
+}
+
+TEST_F(Data, PixelAspectReachesThePng) {
+  ASSERT_EQ(candela({"render", data_folder() + "/display_window/t15.exr", folder_.path("out.png")}).code, 0);
+  EXPECT_NEAR(png_facts(folder_.path("out.png")).pixel_aspect, 1.5, 1e-3);
 }
 
 }  // namespace

@@ -18,7 +18,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
-#include "tests/cli/sequences/stream_fixture.h"
+#include "tests/cli/stream_fixture.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 
@@ -26,7 +26,7 @@ namespace candela {
 namespace {
 
 using Json = nlohmann::json;
-using Words = std::vector<std::string>;
+using Options = std::vector<std::string>;
 
 class Resize : public StreamFixture {
  protected:
@@ -35,11 +35,11 @@ class Resize : public StreamFixture {
     write_small_exr(wide_, /*alpha_and_aspect=*/true);
   }
 
-  Json render(const std::string& in, const Words& options, const std::string& name = "out.png") {
+  Json render(const std::string& in, const Options& options, const std::string& name = "out.png") {
     return candela_json(with({"render", in, path(name), "-q"}, options));
   }
   // The bytes of the scene that is rendered with these options.
-  std::string picture(const Words& options, const std::string& name = "out.png") {
+  std::string picture(const Options& options, const std::string& name = "out.png") {
     render(scene_, options, name);
     return read_file(path(name));
   }
@@ -68,7 +68,8 @@ TEST_F(Resize, TheSameSizeInOtherWordsIsTheSameImage) {
 TEST_F(Resize, APictureThatIsSmallEnoughKeepsItsBits) {
   for (const char* name : {"a.png", "a.jpg", "a.exr", "a.tif", "a.pfm"}) {
     const std::string before = picture({}, name);
-    for (const Words& options : {Words{"--max-size", "64"}, {"--max-size", "16384"}, {"--resize", "100%"}}) {
+    for (const Options& options :
+         {Options{"--max-size", "64"}, {"--max-size", "16384"}, {"--resize", "100%"}}) {
       EXPECT_TRUE(picture(options, name) == before) << name << " " << options.back();
     }
     EXPECT_FALSE(picture({"--max-size", "63"}, name) == before) << name;
@@ -111,7 +112,7 @@ TEST_F(Resize, AFolderOfPicturesGetsSmallOnes) {
 // A file's pixels keep their aspect, unless the size that is asked for has another shape.
 TEST_F(Resize, AnamorphicPixelsAreMadeSquareOnDemand) {
   struct Case {
-    Words options;
+    Options options;
     std::pair<uint32_t, uint32_t> size;
     double aspect;
   };
@@ -159,7 +160,7 @@ TEST_F(Resize, AnOpenExrFileKeepsNoAttributeOfPixelsThatItHasNoMore) {
     file.writePixels(48);
   }
   for (const bool resized : {false, true}) {
-    render(path("in.exr"), resized ? Words{"--max-size", "32"} : Words{}, "out.exr");
+    render(path("in.exr"), resized ? Options{"--max-size", "32"} : Options{}, "out.exr");
     const Imf::InputFile file(path("out.exr").c_str());
     const Imf::Header& out = file.header();
     const Imath::Box2i window = resized ? Imath::Box2i({0, 0}, {31, 23}) : Imath::Box2i({5, 6}, {68, 53});
@@ -272,7 +273,7 @@ TEST_F(Resize, AViewIsDrawnLargeAndWrittenSmall) {
 }
 
 TEST_F(Resize, AWrongSizeIsRefusedWithWhatIsAllowed) {
-  const auto refused = [this](const Words& options, const std::string& words) {
+  const auto refused = [this](const Options& options, const std::string& words) {
     const Outcome outcome = candela(with({"render", scene_, path("no.png")}, options));
     EXPECT_EQ(outcome.code, 2) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;

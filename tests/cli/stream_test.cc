@@ -16,7 +16,7 @@
 #include "client/image/image.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
-#include "tests/cli/sequences/stream_fixture.h"
+#include "tests/cli/stream_fixture.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"

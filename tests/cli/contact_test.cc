@@ -5,7 +5,7 @@
 #include <string>
 
 #include "tests/cli/command.h"
-#include "tests/cli/sequences/stream_fixture.h"
+#include "tests/cli/stream_fixture.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/png.h"

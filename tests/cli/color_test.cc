@@ -1,18 +1,169 @@
-// Light of any size, from file to file: what users reported of suns and scenes in nits, and of objects on a
-// transparent ground.
+// Files with light outside of Rec.709, from the file to the picture.
 #include <gtest/gtest.h>
+#include <half.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
+#include <string>
+#include <vector>
 
 #include "client/image/image.h"
+#include "server/render/color/aces.h"
+#include "server/render/color/primaries.h"
 #include "tests/cli/command.h"
+#include "tests/cli/images.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
+#include "tests/support/wide_gamut.h"
 #include "tests/unit/image/baked_environment_support.h"
 
 namespace candela {
 namespace {
+
+using testing::Color;
+
+constexpr uint32_t kChartWidth = 100;
+constexpr uint32_t kChartHeight = 60;
+
+class WideGamutFile : public ::testing::Test {
+ protected:
+  WideGamutFile() {
+    // ACEScg, as halves.
+    Image image = *make_image(kChartWidth, kChartHeight, ImageFormat::kRgba16f);
+    const std::array<float, 9> to_rec709 = **matrix_to_rec709(chromaticities(v1::PRIMARIES_ACES_AP1));
+    std::byte* to = image.pixels.data();
+    for (const Color& c :
+         testing::saturated_inside_ap1(v1::PRIMARIES_ACES_AP1, kChartWidth * kChartHeight).own) {
+      const half pixel[] = {half(c[0]), half(c[1]), half(c[2]), half(1.0f)};
+      std::memcpy(to, pixel, sizeof pixel);
+      to += sizeof pixel;
+      Color& light = rec709_.emplace_back();
+      for (size_t r = 0; r < 3; ++r) {
+        for (size_t k = 0; k < 3; ++k) light[r] += to_rec709[3 * r + k] * pixel[k];
+      }
+    }
+    EXPECT_OK(write_image(ramp_, image));
+  }
+
+  nlohmann::json render(std::vector<std::string> options) const {
+    options.insert(options.begin(), {"render", ramp_, out_, "--primaries", "aces-ap1", "--exposure", "0",
+                                     "--bloom-intensity", "0"});
+    return candela_json(options);
+  }
+
+  const TemporaryFolder folder_;
+  const std::string ramp_ = folder_.path("ramp.exr");
+  const std::string out_ = folder_.path("out.pfm");  // display-linear light
+  std::vector<Color> rec709_;
+};
+
+TEST_F(WideGamutFile, AnAcescgRampByAces1IsWithin3CodesOfOpenColorIO) {
+  const auto report = render({"--curve", "aces-1", "--verify"});
+  ASSERT_OK_AND_ASSIGN(const Image picture, read_image(out_));
+  double worst = 0.0;
+  double sum = 0.0;
+  for (size_t i = 0; i < rec709_.size(); ++i) {
+    Color truth = rec709_[i];
+    ASSERT_OK(aces_1(truth));
+    std::array<float, 4> light;
+    std::memcpy(light.data(), picture.pixels.data() + i * sizeof light, sizeof light);
+    for (size_t k = 0; k < 3; ++k) {
+      const double shown = std::clamp<double>(light[k], 0.0, 1.0);
+      const double value = shown <= 0.0031308 ? 12.92 * shown : 1.055 * std::pow(shown, 1 / 2.4) - 0.055;
+      const double codes = testing::codes_off(value, truth[k]);
+      worst = std::max(worst, codes);
+      sum += codes;
+    }
+  }
+  EXPECT_LE(worst, 3.0);
+  EXPECT_LE(sum / static_cast<double>(3 * rec709_.size()), 0.2);
+  EXPECT_EQ(report["verify"]["against"], "OpenColorIO's aces-1 of the light, cut to ACES AP1");
+  EXPECT_LE(report["verify"]["max_error_codes"], 3.0);
+  EXPECT_EQ(report["gamut_cut_components"], 0);
+}
+
+TEST_F(WideGamutFile, WhatTheCurveCutsIsSaidAboveOnePercent) {
+  const auto linear = render({"--curve", "linear"});
+  EXPECT_GT(linear["gamut_cut_components"], kChartWidth * kChartHeight * 3 / 10);
+  EXPECT_TRUE(
+      says(linear["notes"].dump(),
+           "% of the colour components lie outside the curve's gamut and were cut; the curve works on "
+           "Rec.709's channels; --curve aces-2 keeps all of ACES AP1"))
+      << linear["notes"];
+  const auto aces = render({"--curve", "aces-1"});
+  EXPECT_FALSE(says(aces["notes"].dump(), "were cut"));
+  // The same numbers, taken for Rec.709, have nothing to cut.
+  const auto plain = candela_json({"render", ramp_, out_, "--curve", "linear"});
+  EXPECT_EQ(plain["gamut_cut_components"], 0);
+}
+
+// Files of kinds that people reported to other programs: what they say about their colours.
+
+class FieldColour : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (data_folder().empty()) GTEST_SKIP() << "no test data: set CANDELA_DATA to its folder";
+  }
+
+  // Renders the file's light as it is, and expects this colour in Rec.709 everywhere. Returns the report.
+  nlohmann::json expect_light(const std::string& name, const std::array<double, 3>& rgb) {
+    const std::string out = folder_.path("out.pfm");
+    nlohmann::json report = candela_json({"render", data_folder() + "/field/" + name, out, "--curve",
+                                          "linear", "--exposure", "0", "--bloom-intensity", "0"});
+    const std::vector<float> values = pfm_values(out);
+    EXPECT_FALSE(values.empty());
+    for (size_t i = 0; i < values.size(); ++i) EXPECT_NEAR(values[i], rgb[i % 3], 5e-4) << name << " " << i;
+    return report;
+  }
+
+  static bool notes(const nlohmann::json& report, const std::string& words) {
+    return report.at("notes").dump().find(words) != std::string::npos;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(FieldColour, ColorInteropIdNamesThePrimaries) {
+  const auto report = expect_light("C01_interopid_ap1.exr", {0.7198, 0.1620, 0.0775});
+  EXPECT_EQ(report.at("primaries").at("name"), "AP1");
+  EXPECT_EQ(report.at("primaries").at("from"), "file");
+  EXPECT_TRUE(report.at("notes").empty()) << report.at("notes");
+}
+
+TEST_F(FieldColour, TheAcesContainerFlagNamesAp0) {
+  const auto report = expect_light("C02_acesflag.exr", {0.9953, 0.1267, 0.0786});
+  EXPECT_EQ(report.at("primaries").at("name"), "AP0");
+}
+
+TEST_F(FieldColour, ColorInteropIdCountsBeforeChromaticitiesWithANote) {
+  const auto report = expect_light("C06_id_beats_chroma.exr", {0.7198, 0.1620, 0.0775});
+  EXPECT_TRUE(notes(report, "its colorInteropID lin_ap1_scene counts, against its chromaticities (Rec.709)"))
+      << report.at("notes");
+  EXPECT_EQ(report.at("notes").size(), 1u);
+}
+
+TEST_F(FieldColour, AnEncodedColorInteropIdIsDecoded) {
+  const auto report = expect_light("C07_srgb_id.exr", {0.2140, 0.0331, 0.0100});
+  EXPECT_TRUE(notes(report, "decoded from sRGB")) << report.at("notes");
+}
+
+TEST_F(FieldColour, AnAdoptedNeutralIsNotedAndWhiteBalanceUsesIt) {
+  const auto report = expect_light("C08_adopted.exr", {0.5, 0.2, 0.1});
+  EXPECT_TRUE(notes(report, "its adoptedNeutral, 0.3457 0.3585, is not used; --white-balance 5001"))
+      << report.at("notes");
+}
+
+TEST_F(FieldColour, PrimariesThatAreAllZeroNameNone) {
+  const std::string hdr = data_folder() + "/hdri/kiara_1_dawn_1k.hdr";
+  const auto report = candela_json({"render", hdr, folder_.path("out.png")});
+  EXPECT_EQ(report.at("primaries").at("from"), "assumed");
+  EXPECT_FALSE(notes(report, "chromaticities")) << report.at("notes");
+}
+
+// Light of any size, from file to file: what users reported of suns and scenes in nits, and of objects on a
+// transparent ground.
 
 using Json = nlohmann::json;
 

@@ -16,7 +16,7 @@
 #include "absl/strings/str_replace.h"
 #include "tests/cli/command.h"
 #include "tests/cli/images.h"
-#include "tests/cli/sequences/stream_fixture.h"
+#include "tests/cli/stream_fixture.h"
 #include "tests/support/files.h"
 #include "tests/support/process.h"
 #include "tests/support/status.h"
