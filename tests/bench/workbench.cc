@@ -6,7 +6,7 @@
 #include "absl/time/time.h"
 #include "server/base/process.h"
 #include "server/render/settings/tiers.h"
-#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela::bench {
 namespace {

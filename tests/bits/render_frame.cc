@@ -3,7 +3,7 @@
 
 #include "server/vulkan/device.h"
 #include "tests/bits/bits.h"
-#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela::testing {
 

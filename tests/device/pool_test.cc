@@ -11,7 +11,7 @@
 #include "server/vulkan/functions.h"
 #include "server/vulkan/pipeline.h"
 #include "shaders/bloom_down.spv.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/device_fixture.h"
 #include "tests/support/status.h"
 

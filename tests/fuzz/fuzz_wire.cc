@@ -1,17 +1,21 @@
-// Reads any bytes as either end of a Render call, as a stream's open message, as calls about environments,
-// and as a session's client. wire_input.h describes the input.
+// Messages as gRPC delivers them. Internal to fuzz_wire.
+#include <fcntl.h>
 #include <google/protobuf/empty.pb.h>
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/unknown_field_set.h>
 #include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/slice.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -22,24 +26,165 @@
 #include "candela/v1/render.pb.h"
 #include "client/call/result_reader.h"
 #include "proto/candela/v1/band_wire.h"
+#include "proto/candela/v1/environment_id.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "proto/candela/v1/settings.h"
 #include "server/render/plan/exposure.h"
 #include "server/render/settings/settings.h"
 #include "server/rpc/band_reader.h"
+#include "server/session/environment_start.h"
+#include "server/session/memory_region.h"
 #include "server/session/render_start.h"
 #include "server/session/resume_token.h"
 #include "server/session/stream_start.h"
 #include "tests/fuzz/expect.h"
-#include "tests/fuzz/wire_environment.h"
 #include "tests/fuzz/wire_input.h"
-#include "tests/fuzz/wire_memory.h"
-#include "tests/fuzz/wire_slices.h"
-#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela {
 namespace {
+
+// A message in slices of any size. Each slice has separate memory.
+grpc::ByteBuffer in_slices(const std::string& message, size_t slice_bytes) {
+  std::vector<grpc::Slice> slices;
+  for (size_t at = 0; at < message.size(); at += slice_bytes) {
+    slices.emplace_back(message.substr(at, slice_bytes));
+  }
+  return grpc::ByteBuffer(slices.data(), slices.size());
+}
+
+// Frames whose header says where they lie in a region. Internal to fuzz_wire.
+
+constexpr uint64_t kRegionBytes = 65536;
+
+struct Registered {
+  Registered() {
+    const int memfd = memfd_create("fuzz", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    expect(ftruncate(memfd, kRegionBytes) == 0, "a region has its size");
+    fcntl(memfd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
+    const auto claim = [](uint64_t) -> absl::StatusOr<std::shared_ptr<const void>> { return nullptr; };
+    region = MemoryRegion::map(memfd, claim).value();
+    close(memfd);
+    ticket = regions.add(region).value();
+  }
+  MemoryRegions regions;
+  std::shared_ptr<MemoryRegion> region;
+  std::string ticket;
+};
+
+void expect_inside(const std::byte* begin, uint64_t bytes, const MemoryRegion& region) {
+  if (begin == nullptr) return;
+  const auto offset = static_cast<uint64_t>(begin - region.data());
+  expect(begin >= region.data() && offset <= region.bytes() && bytes <= region.bytes() - offset,
+         "an area is inside its region");
+}
+
+// Whatever the offsets, what is taken lies inside the region. `start` is what the header was checked to be.
+void place_in_memory(v1::FrameHeader header, const RenderStart& start) {
+  static const Registered* const kRegistered = new Registered;
+  if (!header.has_memory()) return;
+  if (header.memory().ticket().size() % 2 == 0) header.mutable_memory()->set_ticket(kRegistered->ticket);
+  const ImageSize image = image_size(*start.settings, start.layout.desc);
+  const v1::OutputFormat format = start.settings->output_format();
+  const absl::StatusOr<std::optional<ClientPixels>> pixels =
+      client_pixels_from(header, start.layout, image, format, /*local=*/true,
+                         /*raw=*/true, kRegistered->regions);
+  if (!pixels.ok()) {
+    expect(absl::IsInvalidArgument(pixels.status()) || absl::IsUnavailable(pixels.status()),
+           "a place is refused with one of its codes", pixels.status().ToString());
+    return;
+  }
+  expect_inside((*pixels)->rows,
+                start.layout.row_stride_bytes * (start.layout.desc.height - 1) + start.layout.row_bytes(),
+                *kRegistered->region);
+  expect_inside((*pixels)->image, uint64_t{image.width} * image.height * bytes_per_pixel(format),
+                *kRegistered->region);
+}
+
+// The calls about environments, as the server reads them. Internal to fuzz_wire.
+
+constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
+
+void check_panorama(const PanoramaStart& start) {
+  const FrameDesc& desc = start.layout.desc;
+  expect(desc.width >= 1 && desc.width <= v1::kMaxPanoramaWidth, "the panorama's width is within the limits");
+  expect(desc.height >= 1 && desc.height <= v1::kMaxPanoramaHeight,
+         "the panorama's height is within the limits");
+  expect(start.layout.row_stride_bytes >= desc.row_bytes(), "the panorama's rows hold their pixels");
+}
+
+void check_bake(const BakeStart& start) {
+  const uint32_t size = start.spec.size;
+  expect(size == 0 || (std::has_single_bit(size) && size >= v1::kCubeSize.min && size <= v1::kCubeSize.max),
+         "a cube's size is a power of two within its range");
+  expect(start.spec.quality.cube_samples > 0 && start.spec.quality.specular_detail > 0,
+         "a bake has a quality");
+  expect(start.format == v1::PIXEL_FORMAT_RGBA16F || start.format == v1::PIXEL_FORMAT_RGBA32F ||
+             start.format == v1::PIXEL_FORMAT_RGB9E5,
+         "a bake has one of its formats");
+}
+
+// Reads the messages as a PutEnvironment call.
+void put_environment(const WireInput& input) {
+  const std::span<const std::string> messages = input.messages;
+  if (messages.empty()) return;
+  grpc::ByteBuffer first = in_slices(messages[0], input.slice_bytes);
+  v1::PutEnvironmentRequest request;
+  if (!parse_request(first, request).ok() || !request.has_start()) return;
+  const absl::StatusOr<PanoramaStart> start = panorama_start_from(request.start(), kLimits);
+  if (!start.ok()) {
+    expect(absl::IsInvalidArgument(start.status()) || absl::IsResourceExhausted(start.status()),
+           "a panorama is refused with one of its codes", start.status().ToString());
+    return;
+  }
+  check_panorama(*start);
+  const FrameDesc& desc = start->layout.desc;
+  v1::EnvironmentId id(request.start());
+  BandReader reader(v1::kPanoramaBand, start->layout, testing::real_clock());
+  std::vector<std::byte> place(desc.row_bytes());
+  uint32_t rows = 0;
+  for (const std::string& message : messages.subspan(1)) {
+    grpc::ByteBuffer buffer = in_slices(message, input.slice_bytes);
+    const uint32_t begin = rows;
+    const absl::Status status = reader.read(buffer, [&](uint32_t y) -> std::span<std::byte> {
+      // Of repeated fields the last counts, so a band may begin again.
+      expect((y == rows || y == begin) && y < desc.height, "a row is the one that is due");
+      rows = y + 1;
+      return place;
+    });
+    if (!status.ok()) {
+      expect(absl::IsInvalidArgument(status), "a band is refused as an invalid argument", status.ToString());
+      return;
+    }
+    id.add(place);
+  }
+  expect(reader.check_complete().ok() == (rows == desc.height), "the panorama is whole with its last row");
+  expect(v1::is_environment_id(id.finish()), "an id has the form of one");
+}
+
+// Reads the first message as a BakeEnvironment request, and as the header of a frame that is a view.
+void use_environment(const WireInput& input) {
+  if (input.messages.empty()) return;
+  grpc::ByteBuffer first = in_slices(input.messages[0], input.slice_bytes);
+  v1::BakeEnvironmentRequest bake;
+  if (parse_request(first, bake).ok()) {
+    const absl::StatusOr<BakeStart> start = bake_start_from(bake);
+    if (start.ok()) check_bake(*start);
+    expect(start.ok() || absl::IsInvalidArgument(start.status()), "a bake is refused with its code",
+           start.status().ToString());
+  }
+  first = in_slices(input.messages[0], input.slice_bytes);
+  v1::RenderRequest frame;
+  if (!parse_request(first, frame).ok() || !frame.start().frame().has_view()) return;
+  const absl::StatusOr<View> view = view_from(frame.start().frame().view());
+  expect(view.ok() || absl::IsInvalidArgument(view.status()), "a view is refused with its code",
+         view.status().ToString());
+  if (view.ok()) expect(check_view(*view).ok(), "a view that is taken can be rendered");
+}
+
+// Reads any bytes as either end of a Render call, as a stream's open message, as calls about environments,
+// and as a session's client. wire_input.h describes the input.
 
 using google::protobuf::io::CodedInputStream;
 

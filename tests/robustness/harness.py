@@ -28,7 +28,7 @@ FRAME_NS = 40_000_000  # of media time, between the frames of a session
 
 
 def passes_of_environment() -> dict[str, str]:
-    """CANDELA_TEST_EXECUTOR for a candelad, as tests/support/passes.h has it."""
+    """CANDELA_TEST_EXECUTOR for a candelad, as tests/support/device_fixture.h has it."""
     return {"CANDELA_EXECUTOR": os.environ["CANDELA_TEST_EXECUTOR"]} if "CANDELA_TEST_EXECUTOR" in os.environ else {}
 
 

@@ -13,9 +13,9 @@
 #include "tests/service/clients.h"
 #include "tests/service/environment_fixture.h"
 #include "tests/service/service_fixture.h"
-#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock.h"
+#include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
-#include "tests/support/passes.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

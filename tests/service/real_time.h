@@ -2,7 +2,7 @@
 #pragma once
 
 #include "server/alarm_timers.h"
-#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela::testing {
 

@@ -15,8 +15,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "tests/support/driver.h"
-#include "tests/support/passes.h"
+#include "tests/support/device_fixture.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

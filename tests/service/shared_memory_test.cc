@@ -29,7 +29,7 @@
 #include "server/session/memory_door.h"
 #include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/daemon.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"

@@ -26,7 +26,7 @@
 #include "tests/service/service_fixture.h"
 #include "tests/service/test_ca.h"
 #include "tests/support/daemon.h"
-#include "tests/support/driver.h"
+#include "tests/support/device_fixture.h"
 #include "tests/support/files.h"
 #include "tests/support/scenes.h"
 #include "tests/support/status.h"

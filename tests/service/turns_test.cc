@@ -9,8 +9,8 @@
 #include "absl/time/clock.h"
 #include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
+#include "tests/support/device_fixture.h"
 #include "tests/support/figures.h"
-#include "tests/support/passes.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

@@ -8,7 +8,7 @@
 #include "server/session/client_memory.h"
 #include "tests/service/clients.h"
 #include "tests/service/service_fixture.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela::testing {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_format.h"
 #include "tests/simulator/client.h"
-#include "tests/simulator/intruder.h"
 #include "tests/simulator/judge.h"
+#include "tests/simulator/server.h"
 
 namespace candela::testing {
 namespace {

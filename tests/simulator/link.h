@@ -15,7 +15,7 @@
 
 #include "client/call/client_call.h"
 #include "server/rpc/server_call.h"
-#include "tests/simulator/process.h"
+#include "tests/simulator/world.h"
 
 namespace candela::testing {
 

@@ -1,14 +1,30 @@
 #include "tests/support/device_fixture.h"
 
+#include <gtest/gtest.h>
+
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <utility>
 
-#include "tests/support/driver.h"
-#include "tests/support/passes.h"
+#include "server/vulkan/functions.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {
+
+void keep_driver_loaded() {
+  static VkInstance instance = VK_NULL_HANDLE;
+  if (instance != VK_NULL_HANDLE) return;
+  ASSERT_EQ(load_vulkan(), absl::OkStatus());
+  VkInstanceCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
+  EXPECT_EQ(vkCreateInstance(&info, nullptr, &instance), VK_SUCCESS);
+}
+
+ExecutorKind executor_of_environment() {
+  const char* word = std::getenv("CANDELA_TEST_EXECUTOR");
+  return word == nullptr ? ExecutorKind::kAuto : parse_executor(word).value();
+}
 
 namespace {
 

@@ -16,7 +16,7 @@ pid_t spawn(const std::string& program, const std::vector<std::string>& argument
   setenv("XDG_CACHE_HOME", CANDELA_TEST_CACHE, 1);
   // The software driver leaks a little when it is unloaded. service_test looks for our own leaks.
   setenv("ASAN_OPTIONS", "detect_leaks=0", 0);
-  // For candelad, as tests/support/passes.h has it.
+  // For candelad, as tests/support/device_fixture.h has it.
   if (const char* executor = std::getenv("CANDELA_TEST_EXECUTOR")) setenv("CANDELA_EXECUTOR", executor, 1);
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));

@@ -18,7 +18,7 @@
 #include "client/call/retry_schedule.h"
 #include "proto/candela/v1/message_wire.h"
 #include "server/base/check.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/status.h"
 
 namespace candela {

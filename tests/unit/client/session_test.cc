@@ -25,7 +25,7 @@
 #include "client/call/retry_schedule.h"
 #include "client/retry.h"
 #include "proto/candela/v1/message_wire.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/status.h"
 
 namespace candela {

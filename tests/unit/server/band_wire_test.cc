@@ -16,7 +16,7 @@
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "server/rpc/band_reader.h"
-#include "tests/support/clock/real_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/status.h"
 
 namespace candela {

@@ -10,8 +10,7 @@
 #include <vector>
 
 #include "server/base/file_watch.h"
-#include "tests/support/clock/real_clock.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/files.h"
 
 namespace candela {

@@ -10,8 +10,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "tests/support/clock/real_clock.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/status.h"
 
 namespace candela {
@@ -107,8 +106,8 @@ TEST(Heartbeat, BeatsThatFailAreReportedAndSoIsThatTheyWorkAgain) {
   Reports reports;
   std::atomic<bool> good = false;
   Heartbeat heartbeat(
-      loop, clock, [&good] { return good ? absl::OkStatus() : absl::UnavailableError("lost"); }, kHeartbeatOptions,
-      reports.function());
+      loop, clock, [&good] { return good ? absl::OkStatus() : absl::UnavailableError("lost"); },
+      kHeartbeatOptions, reports.function());
   pass(clock, loop, kLimitTicks);
   EXPECT_TRUE(reports.all().empty());
   pass(clock, loop, 1);

@@ -10,8 +10,7 @@
 #include "absl/synchronization/mutex.h"
 #include "server/base/listening_socket.h"
 #include "server/grpc_listener.h"
-#include "tests/support/clock/real_clock.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela {
 namespace {

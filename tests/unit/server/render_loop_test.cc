@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/synchronization/notification.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/status.h"
 
 namespace candela {

@@ -14,7 +14,7 @@
 #include "server/render/environment/view.h"
 #include "server/schedule/render_loop.h"
 #include "server/session/session_frames.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/settings.h"
 #include "tests/support/simulated/frame_maker.h"
 #include "tests/support/simulated/undisturbed_run.h"

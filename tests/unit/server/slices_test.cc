@@ -8,8 +8,7 @@
 #include <optional>
 
 #include "absl/time/clock.h"
-#include "tests/support/clock/real_clock.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 
 namespace candela {
 namespace {

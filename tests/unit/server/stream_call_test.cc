@@ -13,7 +13,7 @@
 #include "proto/candela/v1/message_wire.h"
 #include "server/rpc/status.h"
 #include "server/session/sessions.h"
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 #include "tests/support/status.h"
 
 namespace candela::testing {

@@ -1,4 +1,4 @@
-// A clock that stands still until a test moves it.
+// Clocks for tests: the machine's, and one that stands still until it is moved.
 #pragma once
 
 #include <atomic>
@@ -15,6 +15,15 @@
 
 namespace candela::testing {
 
+// The machine's clock, for tests that take real time.
+
+inline RealClock& real_clock() {
+  static RealClock clock;
+  return clock;
+}
+
+// A clock that stands still until a test moves it.
+//
 // Any thread may wait and set timers; one thread moves it. The timers end with it.
 class VirtualClock final : public Clock, public Timers {
  public:

@@ -79,6 +79,7 @@ void unlock_by(void (*call)(absl::Mutex*), absl::Mutex* mutex) {
 #define CANDELA_PREFIX "_ZN4absl7debian3"
 
 namespace absl {
+
 ABSL_NAMESPACE_BEGIN
 
 void Mutex::Lock() {
@@ -171,4 +172,4 @@ void grpc_call_unref(grpc_call* of) {
   call(of);
 }
 
-}  // extern "C"
+}  // namespace absl

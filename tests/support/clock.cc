@@ -1,4 +1,4 @@
-#include "tests/support/clock/virtual_clock.h"
+#include "tests/support/clock.h"
 
 #include <algorithm>
 #include <thread>
