@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Fails if an include climbs: a folder may include itself and what ALLOWED names for it. Fails if folders include each other in a
-circle, if client and server both define a type of one name, if they read the time themselves, or if an exposure takes a power
-or logarithm of the C library."""
+circle, if client and server both define a type of one name, if they read the time themselves, if an exposure takes a power or
+logarithm of the C library, or if fewer than two files need a header."""
 import pathlib
 import re
 import sys
@@ -36,7 +36,7 @@ READS_TIME = {"server/base/clock.cc",
               "client/retry.cc", "client/call/duplex_call.h", "client/call/duplex_call.cc",  # the user's notification; gRPC's queue
               "server/alarm_timers.cc", "server/server.cc",  # gRPC takes dates of its own clock
               "server/base/log.cc", "server/rpc/grpc_log.cc",  # the log
-              "server/base/metrics.cc", "server/base/metrics.cc",  # when the process started
+              "server/base/metrics.cc",  # when the process started
               "server/daemon/main.cc",  # a signal is waited for by the kernel
               # Work that is measured, or cut where its slice ends. Its slices have to be of real time.
               "server/base/crew.cc", "server/render/device/submissions.cc", "server/render/environment/environment_baker.cc",
@@ -115,6 +115,19 @@ twice = [f"{places['server']} defines {name}, as {places['client']} does; rename
 # The list must not outgrow what it is for.
 hasty += [f"{name} reads no time any more; take it off READS_TIME" for name in sorted(READS_TIME - timed)]
 
-faults = climbs + circles + twice + hasty + strange
-print("\n".join(faults) or "no include climbs, no clock is read but what is given, and exposures take Candela's own powers")
+# What only one file needs lives in it.
+needs = {}
+for top in ("proto", "shaders", "server", "client", "tests"):
+    for source in (root / top).rglob("*"):
+        if source.suffix in (".h", ".cc"):
+            for name in re.findall(r'^#include "([^"]+)"', source.read_text(), re.MULTILINE):
+                needs.setdefault(name, set()).add(source)
+lonely = [f"{name} is needed by {len(needs.get(name, ()))} file; put it there"
+          for top in ("proto", "shaders", "server", "client", "tests")
+          for name in sorted(header.relative_to(root).as_posix() for header in (root / top).rglob("*.h"))
+          if len(needs.get(name, ())) < 2]
+
+faults = climbs + circles + twice + hasty + strange + lonely
+print("\n".join(faults) or "no include climbs, no clock is read but what is given, exposures take Candela's own powers, and every "
+      "header has its users")
 sys.exit(bool(faults))
