@@ -75,7 +75,7 @@ absl::StatusOr<TileSums> DeviceExecutor::ingest(const FrameTextures& textures, c
     recorder_.fill_zero(textures.histogram.buffer(), 0, textures.layout.histogram_bytes(read.scrub));
   }
   if (textures.center_weights) {
-    const std::vector<uint32_t> weights = center_weights();
+    const std::vector<uint32_t>& weights = center_weights();
     recorder_.update(textures.center_weights.buffer(), weights.data(), weights.size() * sizeof weights[0]);
   }
   recorder_.barrier();

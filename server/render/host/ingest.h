@@ -3,7 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
+#include <span>
 
 #include "shaders/params.h"
 
@@ -15,8 +15,8 @@ struct IngestWork {
   shader::IngestParams params{};  // without addresses
   const std::byte* wire = nullptr;
   shader::TileRecord* tiles = nullptr;
-  shader::HistogramBin* histogram = nullptr;  // null: none
-  std::vector<uint32_t> center_weights{};     // empty: none
+  shader::HistogramBin* histogram = nullptr;   // null: none
+  std::span<const uint32_t> center_weights{};  // empty: none
 };
 
 // Meters the tiles of one row of tiles: writes their records and adds to the histogram. Any thread; rows in

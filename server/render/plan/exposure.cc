@@ -18,12 +18,16 @@ static_assert(kBinsPerOctave == kHistogramBinsPerEv && -kHistogramFirstEv == sha
 
 }  // namespace
 
-std::vector<uint32_t> center_weights() {
-  constexpr uint32_t kSteps = 1u << shader::CENTER_STEPS_LOG2;
-  std::vector<uint32_t> weights(kSteps);
-  for (uint32_t i = 0; i < kSteps; ++i) {
-    weights[i] = static_cast<uint32_t>(std::lround(255.0 * portable_exp(-2.0 * i / kSteps)));
-  }
+const std::vector<uint32_t>& center_weights() {
+  // Made once: 256 powers take as long as a tenth of a small frame's metering.
+  static const std::vector<uint32_t> weights = [] {
+    constexpr uint32_t kSteps = 1u << shader::CENTER_STEPS_LOG2;
+    std::vector<uint32_t> made(kSteps);
+    for (uint32_t i = 0; i < kSteps; ++i) {
+      made[i] = static_cast<uint32_t>(std::lround(255.0 * portable_exp(-2.0 * i / kSteps)));
+    }
+    return made;
+  }();
   return weights;
 }
 

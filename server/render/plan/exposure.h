@@ -14,8 +14,8 @@
 
 namespace candela {
 
-// Weights (0 .. 255) of the 256 steps of squared distance from the centre.
-std::vector<uint32_t> center_weights();
+// Weights (0 .. 255) of the 256 steps of squared distance from the centre. Any thread.
+const std::vector<uint32_t>& center_weights();
 
 // A bin of the histogram of log2 luminance: the sum of its texels' weights, and the weighted sum of their
 // distances above the bin's lower end, in EV.
