@@ -59,7 +59,7 @@ class Promises(unittest.TestCase):
             self.rows(test)
             self.ends("--write", code=0)
             self.ends(code=0)
-        self.assertIn("| A cut | It goes on | `Loop.Holds`, simulator: `cut` | |\n", self.page())
+        self.assertIn("| A cut | It goes on | | `Loop.Holds`, simulator: `cut` |\n", self.page())
 
     def test_refuses_a_stale_page(self):
         self.rows()
@@ -88,9 +88,9 @@ class Promises(unittest.TestCase):
         lines = '{"figure": "cut", "value": 31.5, "unit": "ms", "against": 8}\n{"figure": "cut", "value": 9.25, "unit": "ms"}\n'
         self.ends("--record", "c0ffee", self.put("first", lines.splitlines()[0]), code=0)
         self.assertNotIn('"figure"', (self.root / "tests/figures.json").read_text())
-        self.assertRegex(self.page(), r"\| 32 ms \(8\.0\), 20\d\d-\d\d-\d\d \|\n")
+        self.assertRegex(self.page(), r"\| 32 ms \(8\.0\), 20\d\d-\d\d-\d\d \| `Cut\.Goes\*`, simulator: `cut` \|\n")
         self.ends("--record", "c0ffee", self.put("both", lines), code=0)
-        self.assertRegex(self.page(), r"\| 9\.2 ms, 20\d\d-\d\d-\d\d \|\n")
+        self.assertRegex(self.page(), r"\| 9\.2 ms, 20\d\d-\d\d-\d\d \| `Cut\.Goes\*`, simulator: `cut` \|\n")
 
     def test_refuses_figures_that_nobody_records_or_shows(self):
         self.rows(figure="burn")
