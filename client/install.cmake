@@ -3,7 +3,7 @@ include(CMakePackageConfigHelpers)
 
 # The public headers. Here their includes name files from the top of the tree; installed, from include/.
 set(public ${CMAKE_BINARY_DIR}/install/candela)
-foreach(header client/connection.h client/environment.h client/render_result.h client/retry.h client/security.h client/session.h proto/candela/v1/limits.h
+foreach(header client/connection.h client/panorama.h client/render_result.h client/retry.h client/security.h client/session.h proto/candela/v1/limits.h
         server/base/pixel_memory.h)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/${header})
   file(READ ${CMAKE_SOURCE_DIR}/${header} text)

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "client/call/channel.h"
 #include "client/call/duplex_call.h"
 #include "client/call/shared_memory.h"
-#include "client/call/wire.h"
 #include "client/session_driver.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "server/base/clock.h"

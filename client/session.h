@@ -34,7 +34,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "candela/v1/render.pb.h"
-#include "client/environment.h"
+#include "client/panorama.h"
 #include "client/render_result.h"
 #include "client/security.h"
 

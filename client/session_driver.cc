@@ -6,8 +6,8 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "client/call/channel.h"
 #include "client/call/retry_schedule.h"
-#include "client/call/wire.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/message_wire.h"

@@ -1,4 +1,4 @@
-// Checks of the addresses that a server listens on.
+// What candelad is told: the configuration, the table of its options, and the addresses that it listens on.
 #pragma once
 
 #include <cstdint>

@@ -35,14 +35,6 @@
 #include "server/session/sessions.h"
 #include "server/vulkan/device.h"
 
-namespace candela {
-namespace {
-
-// The server information that GetServerInfo returns.
-
-}  // namespace
-}  // namespace candela
-
 #ifndef CANDELA_VERSION
 #error "the build sets CANDELA_VERSION"
 #endif

@@ -10,7 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "client/environment.h"
+#include "client/panorama.h"
 
 namespace candela {
 

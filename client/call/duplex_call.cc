@@ -3,7 +3,7 @@
 #include <chrono>
 #include <utility>
 
-#include "client/call/wire.h"
+#include "client/call/channel.h"
 #include "client/connection.h"
 #include "server/base/check.h"
 

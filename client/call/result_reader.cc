@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/call/wire.h"
+#include "client/call/channel.h"
 #include "proto/candela/v1/band_wire.h"
 #include "proto/candela/v1/message_wire.h"
 #include "proto/candela/v1/pixel_size.h"

@@ -1,4 +1,4 @@
-// Finds words of a command line that mean nothing, before CLI11 parses it: CLI11 would report only what
+// The command line's grammar: its words are checked before CLI11 parses them, which would report only what
 // follows from them.
 #pragma once
 
@@ -29,8 +29,8 @@ absl::Status check_words(const CLI::App& app, const std::vector<std::string>& wo
 // A command as it was asked for, parsed and checked.
 struct ParsedCommand {
   // Does it: prints what it did, unless --quiet is set, and returns its failure. It returns a usage error
-  // (see usage.h) if only the work shows that an option is wrong. It opens the destination of --json after it
-  // has checked its outputs, and closes it if it succeeds.
+  // (client/base/failure.h) if only the work shows that an option is wrong. It opens the destination of
+  // --json after it has checked its outputs, and closes it if it succeeds.
   std::function<absl::Status(JsonOutput&)> run;
   std::string json;  // the destination of --json
   bool quiet = false;
@@ -68,7 +68,7 @@ struct Command {
 };
 
 // Reads nothing but its arguments, which are those after the program's name. Every failure is a usage error
-// (see usage.h) of one line that says how to correct the command.
+// (client/base/failure.h) of one line that says how to correct the command.
 absl::StatusOr<ParsedCommand> parse_command_line(const std::vector<std::string>& words,
                                                  std::span<const Command* const> commands);
 

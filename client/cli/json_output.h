@@ -36,7 +36,7 @@ class JsonOutput {
   // add() and close().
   absl::Status write(const std::string& text);
 
-  // The command failed: adds its failure as the last line (see failure_line.h) and closes. Does nothing after
+  // The command failed: adds its failure as the last line (see terminal.h) and closes. Does nothing after
   // close(). Before open(), a regular file is replaced only if it is JSON, or empty, and if none of `words`,
   // the command line, names it: nobody has checked that it is no input.
   void fail(const absl::Status& failure, const std::vector<std::string>& words);

@@ -10,8 +10,8 @@
 #include "absl/strings/str_join.h"
 #include "client/base/number_words.h"
 #include "client/cli/terminal.h"
-#include "client/run/frame_files.h"
 #include "client/run/picture_error.h"
+#include "client/run/picture_frame.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

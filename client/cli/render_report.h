@@ -13,7 +13,7 @@
 #include "candela/v1/render.pb.h"
 #include "client/cli/json_output.h"
 #include "client/color/view_error.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "client/run/report.h"
 
 namespace candela {
@@ -73,7 +73,7 @@ std::vector<std::string> notes_for_user(const RenderReport& report);
 absl::Status tell(const RenderReport& report, bool quiet, bool verbose, JsonOutput& json);
 
 // One object on one line, with the keys input, output, environment (only of a view), size {width, height},
-// primaries {name, xy, from} (name null if they have none; from as in primaries_used.h), curve, device,
+// primaries {name, xy, from} (name null if they have none; from as in picture_frame.h), curve, device,
 // tier, tier_reason, exposure, target, target_before_limits, mean_log2_luminance, min_luminance,
 // max_luminance, bad_values {nan, inf, negative}, clamped_components, absent_pixels, missing_pixels, view
 // {display, view, input, table_size, table_end, max_codes, p999_codes, mean_codes, config, from} (null

@@ -11,7 +11,7 @@
 #include "absl/time/time.h"
 #include "client/base/failure.h"
 #include "client/run/exposure_file.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "client/run/report.h"
 #include "client/run/sequence.h"
 #include "client/session.h"

@@ -34,7 +34,7 @@ absl::StatusOr<ViewEntry> find_entry(const OCIO_NAMESPACE::ConstConfigRcPtr& con
 
 // An OpenColorIO configuration, as a user names it.
 
-// The configuration of `choice`; of a LUT, one whose view is the LUT (lut_config.h). NOT_FOUND for a missing
+// The configuration of `choice`; of a LUT, one whose view is the LUT. NOT_FOUND for a missing
 // file, INVALID_ARGUMENT for one that OpenColorIO cannot use. Messages are one line. Any thread.
 absl::StatusOr<OCIO_NAMESPACE::ConstConfigRcPtr> load_config(const ViewChoice& choice);
 

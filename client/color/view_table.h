@@ -19,7 +19,7 @@ struct ViewChoice {
   std::string view = {};     // empty: the display's default
   std::string input = {};   // colour space of the file's own values; empty: they are light of known primaries
   std::string source = {};  // what named the configuration, "--ocio", "--lut" or "$OCIO"
-  std::string lut_input = {};  // not empty: `config` is a LUT, of values in this space (lut_config.h)
+  std::string lut_input = {};  // not empty: `config` is a LUT, of values in this space
   // The values at the LUT's ends, the first below the second; absent: what its file says, or 0 and 1.
   std::optional<std::pair<double, double>> lut_domain = {};
 };
@@ -52,7 +52,7 @@ struct ViewTable {
 };
 
 // Bakes the view into the largest table that the protocol allows. Takes a fraction of a second. The scene's
-// Rec.709 values enter as find_entry() says (view_entry.h). With ViewChoice::input the file's values are
+// Rec.709 values enter as find_entry() says (view_config.h). With ViewChoice::input the file's values are
 // first converted to such light, because a table has axes for wide-gamut light only if it knows its
 // primaries. The kind of axes is the one with the smallest error. They end where brighter light no longer
 // changes the view.

@@ -1,5 +1,5 @@
-// The KTX 2.0 writer. Sources: the KTX File Format Specification 2.0 and the Khronos Data Format
-// Specification 1.3, both at https://registry.khronos.org.
+// Files of a baked environment: the faces, the harmonics, and KTX2. Sources of KTX2: the KTX File Format
+// Specification 2.0 and the Khronos Data Format Specification 1.3, both at https://registry.khronos.org.
 #include "client/environment/environment_files.h"
 
 #include <bit>

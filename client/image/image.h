@@ -1,4 +1,9 @@
-// An image in memory, and image files in and out.
+// An image in memory, and image files in and out: OpenEXR, Radiance .hdr, PFM, PNG, AVIF and JPEG are read;
+// client/image/write/encodings.h lists what is written.
+//
+// It needs no network and no device. Any thread may call these functions, also at once on different images.
+// OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
+// default is none.
 #pragma once
 
 #include <array>
@@ -53,13 +58,6 @@ class PixelBuffer {
   PixelMemory bytes_;
   size_t size_ = 0;
 };
-
-// Reads and writes image files: reads OpenEXR, Radiance .hdr, PFM, PNG, AVIF and JPEG;
-// client/image/write/encodings.h lists what it writes.
-//
-// It needs no network and no device. Any thread may call these functions, also at once on different images.
-// OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
-// default is none.
 
 class KeptAttributes;
 struct OutputEncoding;

@@ -10,7 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
 #include "client/image/describe.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 
 namespace candela {
 

@@ -1,5 +1,5 @@
-// The built-in server: a whole candela server in this process. Only
-// this file and its .cc let the client use server/.
+// The built-in server: a whole candela server in this process. Only this file and its .cc open the door to
+// the server, server/server.h.
 #pragma once
 
 #include <grpcpp/channel.h>

@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/failure.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -12,7 +12,7 @@
 #include "client/base/failure.h"
 #include "client/image/write/atomic_file.h"
 #include "client/image/write/encodings.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "candela/v1/render.pb.h"
 #include "client/image/image.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "client/session.h"
 #include "proto/candela/v1/limits.h"
 

@@ -11,7 +11,7 @@
 #include "client/environment/cube_faces.h"
 #include "client/environment/pictures.h"
 #include "client/image/cube_panorama.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"
 

@@ -8,11 +8,11 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "client/environment.h"
 #include "client/environment/baked_environment.h"
 #include "client/image/image.h"
-#include "client/run/frame_files.h"
+#include "client/panorama.h"
 #include "client/run/options.h"
+#include "client/run/picture_frame.h"
 
 namespace candela {
 

@@ -11,7 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "client/image/color.h"
 #include "client/image/power.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "server/base/status_macros.h"
 
 namespace candela {

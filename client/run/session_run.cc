@@ -8,7 +8,7 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "client/run/server_link.h"
 #include "server/base/status_macros.h"
 

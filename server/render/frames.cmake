@@ -3,11 +3,11 @@ set(candela_host_kernels
     host/bloom.cc host/ingest.cc host/resize.cc host/resolve.cc host/view.cc)
 set(candela_frames_sources
     ${candela_host_kernels}
-    color/aces2.cc color/hdr_signal.cc environment/environment.cc environment/view.cc environment/view_scene.cc
-    frame/executor.cc frame/frame_memory.cc frame/table_points.cc frame/texture_pool.cc frame/tile_sums.cc
-    host/host_executor.cc plan/exposure.cc plan/frame_stats.cc plan/lit_area.cc plan/plan.cc plan/resize_plan.cc
-    plan/texture_layout.cc settings/error_bound.cc settings/gain_curve_of.cc settings/hdr_display.cc
-    settings/settings.cc settings/tiers.cc)
+    color/aces2.cc color/hdr_signal.cc environment/environment.cc environment/view.cc
+    environment/view_tiles.cc frame/executor.cc frame/frame_memory.cc frame/table_points.cc
+    frame/texture_pool.cc frame/tile_sums.cc host/host_executor.cc plan/exposure.cc plan/frame_stats.cc
+    plan/lit_area.cc plan/plan.cc plan/resize_plan.cc plan/texture_layout.cc settings/error_bound.cc
+    settings/gain_curve_of.cc settings/hdr_display.cc settings/settings.cc settings/tiers.cc)
 
 # The kernels are nothing but calls that have to be inlined, in a debug build, too. Highway's NEON comes with AES, and what the
 # compiler writes by itself, such as constructors, has to be for the same target.

@@ -1,4 +1,4 @@
-// Requests from bytes.
+// Requests from bytes: messages, and bands whose rows are copied into place.
 #pragma once
 
 #include <google/protobuf/message.h>

@@ -23,8 +23,8 @@ namespace candela {
 //
 //   start -> first band -> admission -> bands -> queued -> sending
 //
-// A frame that cannot be admitted at once is refused, so admission only takes time if a tier has to be
-// chosen.
+// A frame that cannot be admitted at once is refused, so admission only takes time if a view's environment
+// has to be prepared.
 class RenderCall final : public ServerCall {
  public:
   // `state` outlives the call. kMeter answers with one MeterResponse.

@@ -1,4 +1,4 @@
-// What carries one call: messages in both directions, and its end.
+// The life of a call on the server: its transport, its place in a gate, its idle timer and its one end.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>

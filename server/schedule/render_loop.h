@@ -23,8 +23,6 @@
 
 namespace candela {
 
-// A bounded queue of frames, and of other work for the device, that is fair by device time.
-
 // The phases of a frame that a job runs: metering, drawing, or both.
 enum class Work { kRender, kMeter, kDraw };
 

@@ -1,4 +1,5 @@
-// A budget that clients share, so that no client takes what all others need.
+// Who gets memory: a budget that clients share, so that no client takes what all others need, and the rules
+// by which frames wait, yield and are refused.
 #pragma once
 
 #include <cstdint>
@@ -76,8 +77,6 @@ class ClientBudget {
   uint64_t held_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<ClientId, uint64_t> clients_ ABSL_GUARDED_BY(mutex_);  // that hold something
 };
-
-// The memory that the clients of a server hold, and the rules by which they share it.
 
 // The smallest frames that lately found no memory. A frame counts for kLasts after its last attempt, which is
 // longer than a refused client waits before its next one. Any thread.

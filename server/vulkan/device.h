@@ -1,4 +1,4 @@
-// Whether there is a GPU, without asking Vulkan. Internal to server/vulkan and its tests.
+// The device: Vulkan, or the host as a device without it. Whether there is a GPU is known without Vulkan.
 #pragma once
 
 #include <vulkan/vulkan.h>

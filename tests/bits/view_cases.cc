@@ -2,7 +2,7 @@
 #include <half.h>
 
 #include "absl/strings/str_cat.h"
-#include "server/render/environment/view_scene.h"
+#include "server/render/environment/view_tiles.h"
 #include "tests/bits/bits.h"
 #include "tests/support/settings.h"
 

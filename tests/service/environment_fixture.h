@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "client/environment.h"
+#include "client/panorama.h"
 #include "proto/candela/v1/environment_id.h"
 #include "tests/service/service_fixture.h"
 #include "tests/support/status.h"

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "client/environment.h"
+#include "client/panorama.h"
 #include "server/rpc/service_state.h"
 #include "tests/simulator/link.h"
 

@@ -17,7 +17,7 @@
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/picture_options.h"
 #include "client/image/write/encodings.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "proto/candela/v1/limits.h"
 #include "server/base/status_macros.h"
 #include "server/base/words.h"

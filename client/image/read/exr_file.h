@@ -118,7 +118,7 @@ void spread_grey(ImageFormat format, std::byte* row, int64_t pixels);
 using ReadRows = std::function<void(char* origin, size_t row_bytes, int64_t y0, int64_t y1)>;
 
 // Reads a part that is not luminance-chroma. A channel that the file lacks reads as 0, and alpha as 1.
-// `input` and `channels` must outlive what this returns. `threads` are for zip/zip_rows.h; for what OpenEXR
+// `input` and `channels` must outlive what this returns. `threads` are for exr_zip.h; for what OpenEXR
 // decodes they are those that the file was opened with.
 ReadRows rows_of(Imf::InputPart& input, const ExrChannels& channels, ImageFormat format, int threads);
 

@@ -572,7 +572,7 @@ class Pictures {
     return candidates;
   }
 
-  // Drops the parts of data (exr_color.h), unless the user chose a part or a layer, or wants the values as
+  // Drops the parts of data (holds_data()), unless the user chose a part or a layer, or wants the values as
   // they stand and there are no others.
   void drop_data(const PictureChoice& choice, Candidates& candidates) const {
     if (!choice.part.empty() || !choice.layer.empty()) return;
@@ -785,7 +785,7 @@ void add_once(std::vector<std::string>& names, const std::string& name) {
 bool is_deep(const Imf::Header& header) { return header.hasType() && Imf::isDeepData(header.type()); }
 
 // Takes, of the parts, views and layers that `choice` allows and that have colour, the one whose name says
-// best that it is the picture (exr_picture_rank.h), and among equals the first. Without any, it takes a part
+// best that it is the picture (PictureRank), and among equals the first. Without any, it takes a part
 // with a single channel besides alpha, and, if the user chose a part, a view or a layer, also a vector or a
 // single channel. The layer RGB or RGBA means the channels without a layer, if no layer and no channel has
 // this name, and XYZ means X, Y and Z without a layer, as CIE XYZ. A note says what is shown if there is more
@@ -1129,9 +1129,9 @@ namespace {
 //
 // Choices: the display window is the picture, and its pixels outside the data window are 0 with alpha 0. Of
 // several levels the largest is used. Unsigned integers are plain values. Deep images are refused.
-// exr_choice.h chooses the part and its channels. Luminance-chroma parts go through OpenEXR's own RGBA
-// interface, which has the chroma filters and weighs Y by the part's chromaticities. If a picture cannot be
-// read as a whole, it is read again in chunks, to say or to show what there is.
+// choose_exr_picture() chooses the part and its channels. Luminance-chroma parts go through OpenEXR's own
+// RGBA interface, which has the chroma filters and weighs Y by the part's chromaticities. If a picture cannot
+// be read as a whole, it is read again in chunks, to say or to show what there is.
 
 constexpr uint64_t kMostSideBySide = 32u << 20;  // bytes of a chunk of which several are decoded at once
 

@@ -1,4 +1,5 @@
-// Pixel aspect in PNG and JPEG files that a server made. It knows no aspect, so it writes square pixels.
+// The table of encodings, and how an image or a file of a server is written by one of its rows.
+// What a server encodes knows no pixel aspect; write_with_aspect() adds it.
 #include "client/image/write/encodings.h"
 
 #include <zlib.h>

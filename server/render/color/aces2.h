@@ -1,5 +1,4 @@
-// What ACES 2.0 does to grey: the response of a cone to light, lightness, and the tone scale. Internal to
-// server/render/color. Any thread.
+// ACES 2.0: what it does to grey, the whole transform, and the tables that the passes read. Any thread.
 #pragma once
 
 #include <ImathMatrix.h>

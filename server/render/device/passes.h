@@ -1,4 +1,5 @@
-// A cache of colour tables on the device. Internal to server/render.
+// The compute passes of a frame on the device, and a cache of the colour tables that they read. Internal to
+// server/render.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// How fast the device does each kind of work, learned from what it took before.
+// Submissions to the device, cut by how fast it has done each kind of work before.
 #pragma once
 
 #include <cstdint>

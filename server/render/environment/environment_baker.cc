@@ -16,7 +16,7 @@
 #include "server/base/check.h"
 #include "server/base/slices.h"
 #include "server/base/status_macros.h"
-#include "server/render/environment/view_scene.h"
+#include "server/render/environment/view_tiles.h"
 #include "server/render/frame/frame_textures.h"
 #include "server/render/plan/texture_layout.h"
 #include "shaders/brdf_table.spv.h"

@@ -1,5 +1,4 @@
-// A bloom level as the host's passes keep it in the level's texture: rows of R, of G and of B one after the
-// other. Filters along rows and columns then need no shuffles.
+// The textures of a frame, and a bloom level as the host's passes keep it.
 #pragma once
 
 #include <array>
@@ -62,7 +61,7 @@ struct FrameTextures {
   TexturePool::Lease resize_block;
   TexturePool::Lease scene;
   TexturePool::Lease resize_weights;
-  bool planar_levels = false;  // the host has drawn them: see level_planes.h
+  bool planar_levels = false;  // the host has drawn them: see LevelPlanes
   // Only on a device without unified memory.
   TexturePool::Lease upload;
   TexturePool::Lease readback;

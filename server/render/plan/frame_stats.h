@@ -1,4 +1,4 @@
-// The time that each stage of a frame took.
+// What was measured of a frame: its statistics, what metering found, and the time of each stage.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// A rectangle of texels, tiles or work groups.
+// Where light reaches: rectangles of texels, tiles and work groups, and the area that bloom has to make.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Work on the rows of an image, on every core.
+// A frame in float64, stage by stage, and work on the rows of an image on every core.
 #pragma once
 
 #include <array>

@@ -31,10 +31,10 @@
 #include "client/cli/run_display.h"
 #include "client/cli/terminal.h"
 #include "client/image/sample.h"
-#include "client/run/frame_files.h"
 #include "client/run/output_files.h"
 #include "client/run/panorama_file.h"
 #include "client/run/picture_error.h"
+#include "client/run/picture_frame.h"
 #include "client/run/server_link.h"
 #include "server/base/status_macros.h"
 

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 #include "client/run/report.h"
 #include "proto/candela/v1/settings.h"
 

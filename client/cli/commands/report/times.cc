@@ -11,8 +11,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "client/cli/commands/report/session.h"
-#include "client/run/frame_files.h"
 #include "client/run/panorama_file.h"
+#include "client/run/picture_frame.h"
 #include "client/run/view_scene.h"
 #include "server/base/status_macros.h"
 

@@ -9,7 +9,7 @@
 #include "absl/time/time.h"
 #include "client/cli/commands/report/scenes.h"
 #include "client/cli/commands/report/session.h"
-#include "client/environment.h"
+#include "client/panorama.h"
 
 namespace candela {
 

@@ -1,4 +1,4 @@
-#include "client/run/frame_files.h"
+#include "client/run/picture_frame.h"
 
 #include <half.h>
 

@@ -1,4 +1,5 @@
-// Parts of the protocol that single calls and sessions share: frame sizes, channels and errors.
+// Channels to a server and what goes wrong on them, for single calls and sessions; and what both check of a
+// frame.
 #pragma once
 
 #include <grpcpp/channel.h>

@@ -1,4 +1,4 @@
-#include "client/call/wire.h"
+#include "client/call/channel.h"
 
 #include <grpcpp/create_channel.h>
 #include <grpcpp/support/channel_arguments.h>

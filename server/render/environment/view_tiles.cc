@@ -1,4 +1,4 @@
-#include "server/render/environment/view_scene.h"
+#include "server/render/environment/view_tiles.h"
 
 #include <half.h>
 
