@@ -25,7 +25,7 @@
 #include "client/call/shared_memory.h"
 #include "client/session.h"
 #include "proto/candela/v1/band_wire.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 #include "server/base/clock.h"
 
 namespace candela {

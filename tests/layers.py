@@ -13,7 +13,7 @@ SERVER = [["server/base"], ["server/encode"], ["server/vulkan"], ["server/render
           ["server/render/environment"], ["server/render"], ["server/schedule"], ["server/session"], ["server/access"],
           ["server/rpc"], ["server"], ["server/daemon"]]
 ALLOWED = {"server/base": [], "proto": ["server/base"], "shaders": [], "client/base": [],
-           "client/image": ["client/base", "server/encode", "proto", "shaders"],
+           "client/image": ["client/base", "server/encode", "proto"],
            "client/color": ["shaders", "proto", "server/render/color"],
            "client/environment": ["client/base", "client/image", "proto"], "client": ["client/base", "client/image", "proto"],
            "client/run": ["client", "client/base", "client/image", "client/color", "client/environment", "proto", "server/encode"]}

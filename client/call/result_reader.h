@@ -18,7 +18,7 @@
 #include "client/render_result.h"
 #include "client/session.h"
 #include "proto/candela/v1/band_wire.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 

@@ -2,14 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "client/base/failure.h"
 #include "client/run/exposure_file.h"
 #include "client/run/picture_frame.h"
 #include "client/run/report.h"

@@ -1,4 +1,4 @@
-// Where scene light enters an OpenColorIO configuration.
+// A configuration of OpenColorIO: found, read, and where scene light enters it.
 #pragma once
 
 #include <OpenColorIO/OpenColorIO.h>

@@ -8,7 +8,7 @@
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
 #include "client/color/view_table.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 

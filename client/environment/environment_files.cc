@@ -155,7 +155,7 @@ std::string head(const BakedEnvironment& environment) {
   return bytes;
 }
 
-void write_level(AtomicFile& file, const BakedEnvironment& environment, size_t level) {
+void write_ktx2_level(AtomicFile& file, const BakedEnvironment& environment, size_t level) {
   const uint32_t size = environment.levels[level].size;
   std::vector<std::byte> row(size_t{size} * bytes_per_texel(environment.format));
   for (uint32_t face = 0; face < kCubeFaces; ++face) {
@@ -174,7 +174,7 @@ absl::Status write_ktx2(const std::string& path, const BakedEnvironment& environ
   ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::create(path));
   const std::string start = head(environment);
   file.write(start.data(), start.size());
-  for (size_t level = environment.levels.size(); level-- > 0;) write_level(file, environment, level);
+  for (size_t level = environment.levels.size(); level-- > 0;) write_ktx2_level(file, environment, level);
   return file.commit();
 }
 
@@ -193,7 +193,8 @@ absl::Status make_folder(const std::string& path) {
   return error ? cannot_write(path, error.value()) : absl::OkStatus();
 }
 
-absl::Status write_level(const std::string& folder, const BakedEnvironment& environment, size_t level) {
+absl::Status write_faces_of_level(const std::string& folder, const BakedEnvironment& environment,
+                                  size_t level) {
   RETURN_IF_ERROR(make_folder(folder));
   for (uint32_t face = 0; face < kCubeFaces; ++face) {
     ASSIGN_OR_RETURN(const Image picture, face_picture(environment, level, face));
@@ -215,7 +216,7 @@ absl::Status write_face_files(const std::string& folder, const BakedEnvironment&
   RETURN_IF_ERROR(check_environment(environment));
   for (size_t level = 0; level < environment.levels.size(); ++level) {
     const std::string path = level == 0 ? folder : absl::StrFormat("%s/level%d", folder, level);
-    RETURN_IF_ERROR(write_level(path, environment, level));
+    RETURN_IF_ERROR(write_faces_of_level(path, environment, level));
   }
   return absl::OkStatus();
 }

@@ -12,7 +12,7 @@
 #include "client/image/image.h"
 #include "client/run/picture_frame.h"
 #include "client/session.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 

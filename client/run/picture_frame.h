@@ -15,7 +15,7 @@
 #include "client/render_result.h"
 #include "client/run/baked_view.h"
 #include "client/run/options.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 #include "server/encode/image_file.h"
 
 namespace candela {

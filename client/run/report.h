@@ -25,7 +25,7 @@
 #include "client/run/picture_frame.h"
 #include "client/run/sequence.h"
 #include "client/session.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 
 namespace candela {
 

@@ -1,4 +1,5 @@
-// Time as an input: a clock, a sign to stop that can be waited for, and a limit of one a second.
+// Time as an input: whatever waits or asks for the time is given a clock, so that tests run in virtual time.
+// A sign to stop that can be waited for, and a limit of one a second.
 #pragma once
 
 #include <chrono>

@@ -1,3 +1,4 @@
+// The ICC profiles that files get, made by lcms2. Declared in picture.h.
 #include <lcms2.h>
 
 #include <algorithm>

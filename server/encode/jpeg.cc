@@ -1,13 +1,16 @@
 #include "server/encode/jpeg.h"
 
-#include <cstdio>
-
-#include "absl/strings/str_format.h"
+// jpeglib.h needs FILE and size_t to be declared before it.
 // clang-format off
+#include <cstdio>
 #include <jpeglib.h>
+// clang-format on
+
 #include <csetjmp>
 #include <cstdlib>
 #include <string>
+
+#include "absl/strings/str_format.h"
 #include "server/base/status_macros.h"
 #include "server/encode/gain_map.h"
 #include "server/encode/picture.h"
@@ -84,10 +87,6 @@ absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file) {
 }
 
 }  // namespace candela
-
-// jpeglib.h needs FILE and size_t to be declared before it.
-
-// clang-format on
 
 namespace candela {
 namespace {

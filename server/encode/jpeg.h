@@ -1,4 +1,4 @@
-// JPEG: the codes of its parameters, its segments, and the encoder that picture.h declares.
+// JPEG in memory: codes for libjpeg, and the segments of a file.
 #pragma once
 
 #include <cstddef>

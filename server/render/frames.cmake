@@ -9,7 +9,7 @@ set(candela_frames_sources
     plan/lit_area.cc plan/plan.cc plan/resize_plan.cc plan/texture_layout.cc settings/error_bound.cc
     settings/gain_curve_of.cc settings/hdr_display.cc settings/settings.cc settings/tiers.cc)
 
-# The kernels are nothing but calls that have to be inlined, in a debug build, too. Highway's NEON comes with AES, and what the
+# Kernels, whose calls have to be inlined in a debug build, too, and what runs them. Highway's NEON comes with AES, and what the
 # compiler writes by itself, such as constructors, has to be for the same target.
 set(candela_host_kernel_options $<$<CONFIG:Debug>:-O2>)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")

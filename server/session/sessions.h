@@ -59,8 +59,6 @@ class CallGate {
   std::function<void()> on_empty_ ABSL_GUARDED_BY(mutex_);
 };
 
-// A table of the open sessions, by name.
-
 // A call that carries a session. Any thread.
 class SessionCall {
  public:
@@ -72,7 +70,7 @@ class SessionCall {
   virtual void give_up() = 0;
 };
 
-// Any thread. Never calls a SessionCall.
+// A table of the open sessions, by name. Any thread. Never calls a SessionCall.
 class SessionTable {
  public:
   // Enters a session for `call`. If another call has the session and this one is `resumed` with an epoch that
@@ -123,9 +121,7 @@ class Drain {
   Ended ended_ ABSL_GUARDED_BY(mutex_);    // null once it was called
 };
 
-// The open sessions of a server and the state that they share.
-
-// Any thread.
+// The open sessions of a server and the state that they share. Any thread.
 struct Sessions {
   const TokenKeys keys;
   const std::shared_ptr<ClientMemory> memory;

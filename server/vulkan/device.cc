@@ -39,7 +39,7 @@ bool has_gpu(const std::filesystem::path& devices) {
 
 namespace {
 
-// The physical devices of a machine, and whether each can render. Internal to server/vulkan.
+// The physical devices of a machine, and whether each can render.
 
 // DeviceSummary::type of a processor.
 constexpr char kCpuType[] = "CPU";

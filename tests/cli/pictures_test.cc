@@ -1,4 +1,4 @@
-// The hard cases of docs/pipeline.md section 6 from file to file, in every tier.
+// Pictures from file to file: hard cases, kinds that people have reported, and real ones.
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <gtest/gtest.h>

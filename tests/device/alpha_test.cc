@@ -20,7 +20,7 @@ namespace candela::testing {
 namespace {
 
 constexpr v1::Alpha kAlphas[] = {v1::ALPHA_ASSOCIATED, v1::ALPHA_STRAIGHT, v1::ALPHA_OVER, v1::ALPHA_IGNORE};
-constexpr v1::Transfer kOpaqueTransfers[] = {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR};
+constexpr v1::Transfer kSdrTransfers[] = {v1::TRANSFER_SRGB, v1::TRANSFER_GAMMA22, v1::TRANSFER_LINEAR};
 
 // Settings with a fixed exposure of 1 and no bloom.
 v1::Settings with_alpha(v1::Alpha alpha, v1::ToneCurve curve = v1::TONE_CURVE_ACES_HILL) {
@@ -92,7 +92,7 @@ WireFrame mixed(uint32_t width, uint32_t height, v1::PixelFormat format = v1::PI
 TEST_F(StraightAlpha, IsWithinItsBoundForEveryCurveTransferAndFormat) {
   print_header("straight alpha: curve, transfer, format");
   for (v1::ToneCurve curve : kCurves) {
-    for (v1::Transfer transfer : kOpaqueTransfers) {
+    for (v1::Transfer transfer : kSdrTransfers) {
       for (v1::PixelFormat format : {v1::PIXEL_FORMAT_RGBA16F, v1::PIXEL_FORMAT_RGBA32F}) {
         v1::Settings settings = with_alpha(v1::ALPHA_STRAIGHT, curve);
         settings.set_transfer(transfer);
@@ -282,7 +282,7 @@ TEST_F(StraightAlpha, OpaquePixelsBesideTransparentOnesKeepTheirBits) {
     });
   };
   for (v1::ToneCurve curve : kCurves) {
-    for (v1::Transfer transfer : kOpaqueTransfers) {
+    for (v1::Transfer transfer : kSdrTransfers) {
       v1::Settings settings = with_alpha(v1::ALPHA_STRAIGHT, curve);
       settings.set_transfer(transfer);
       const auto opaque = values(frame(1), settings);

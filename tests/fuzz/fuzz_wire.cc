@@ -1,4 +1,5 @@
-// Messages as gRPC delivers them. Internal to fuzz_wire.
+// Reads any bytes as either end of a Render call, as a stream's open message, as calls about environments,
+// and as a session's client. wire_input.h describes the input.
 #include <fcntl.h>
 #include <google/protobuf/empty.pb.h>
 #include <google/protobuf/io/coded_stream.h>
@@ -54,7 +55,7 @@ grpc::ByteBuffer in_slices(const std::string& message, size_t slice_bytes) {
   return grpc::ByteBuffer(slices.data(), slices.size());
 }
 
-// Frames whose header says where they lie in a region. Internal to fuzz_wire.
+// Frames whose header says where they lie in a region.
 
 constexpr uint64_t kRegionBytes = 65536;
 
@@ -102,7 +103,7 @@ void place_in_memory(v1::FrameHeader header, const RenderStart& start) {
                 *kRegistered->region);
 }
 
-// The calls about environments, as the server reads them. Internal to fuzz_wire.
+// The calls about environments, as the server reads them.
 
 constexpr FrameLimits kLimits{v1::kMaxDimension, v1::kDefaultMaxFrameBytes};
 
@@ -182,9 +183,6 @@ void use_environment(const WireInput& input) {
          view.status().ToString());
   if (view.ok()) expect(check_view(*view).ok(), "a view that is taken can be rendered");
 }
-
-// Reads any bytes as either end of a Render call, as a stream's open message, as calls about environments,
-// and as a session's client. wire_input.h describes the input.
 
 using google::protobuf::io::CodedInputStream;
 

@@ -1,4 +1,4 @@
-// The loss of the Vulkan device, which the tests simulate.
+// Devices: one that is lost, the host without Vulkan, and one that renders other bits.
 #include "server/vulkan/device.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The health service's answers over a server's life.
+// A server's health, and what it tells of itself.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 #include <grpcpp/support/byte_buffer.h>

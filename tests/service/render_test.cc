@@ -1,4 +1,4 @@
-// Render calls that succeed.
+// Single calls: images, metering, executors, hard cases, and frames that are refused.
 #include <grpcpp/support/byte_buffer.h>
 #include <gtest/gtest.h>
 #include <half.h>

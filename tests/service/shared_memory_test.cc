@@ -1,4 +1,4 @@
-// A client of the `.memory` socket that the test controls step by step.
+// Memory that clients share with a server, and the socket at which they register it.
 #include "client/call/shared_memory.h"
 
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-// Keeps a server's device busy, for tests of frames that wait for their turn.
+// Sessions whose client, server or link fails, is slow or is silent.
 #include <arpa/inet.h>
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>

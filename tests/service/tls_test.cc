@@ -1,4 +1,4 @@
-// Certificate and token files for a candelad and its clients.
+// TLS, tokens, and files of certificates that are replaced while a server runs.
 #include <arpa/inet.h>
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>

@@ -351,7 +351,7 @@ absl::Status finish_environment_options(EnvironmentArguments& arguments) {
   return finish_server_options(options.server);
 }
 
-// `candela environment`: the cube map of a panorama as files.
+// The bake, and its files.
 
 namespace fs = std::filesystem;
 

@@ -1,3 +1,4 @@
+// `candela health`: whether a server is ready.
 #include <CLI/App.hpp>
 #include <memory>
 

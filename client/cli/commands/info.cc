@@ -67,13 +67,6 @@ std::string to_json(const std::string& path, const ConfigViews& config) {
 
 // Describes image files, for `candela info FILE...`.
 
-// One object on one line, with the keys file, kind, shown (null if nothing can be rendered), error (null if
-// something can), notes and parts. A part has the keys name, storage, compression, display_window and
-// data_window {left, top, right, bottom}, pixel_aspect, frames_per_second (null if the file names none),
-// primaries {name, xy} (null if the file names none; name null if they have none), views, layers, and
-// channels {name, type, x_sampling, y_sampling}.
-std::string to_json(const std::string& path, const FileFacts& facts);
-
 using Json = nlohmann::ordered_json;
 
 std::string window_words(const WindowFacts& window) {
@@ -173,6 +166,11 @@ std::string to_text(const std::string& path, const FileFacts& facts) {
   return text;
 }
 
+// One object on one line, with the keys file, kind, shown (null if nothing can be rendered), error (null if
+// something can), notes and parts. A part has the keys name, storage, compression, display_window and
+// data_window {left, top, right, bottom}, pixel_aspect, frames_per_second (null if the file names none),
+// primaries {name, xy} (null if the file names none; name null if they have none), views, layers, and
+// channels {name, type, x_sampling, y_sampling}.
 std::string to_json(const std::string& path, const FileFacts& facts) {
   Json parts = Json::array(), shown, error;
   for (const PartFacts& part : facts.parts) parts.push_back(to_json(part));

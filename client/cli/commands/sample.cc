@@ -1,3 +1,4 @@
+// `candela sample`: a picture, a sequence or a panorama to try things with.
 #include "client/image/sample.h"
 
 #include <CLI/App.hpp>

@@ -282,7 +282,7 @@ Xy xy_of(absl::string_view primaries) {
   return absl::c_find_if(known, [&](const NamedPrimaries& p) { return p.name == primaries; })->xy;
 }
 
-std::string words_of(const Xy& xy) {
+std::string xy_text(const Xy& xy) {
   const NamedPrimaries* known = find_primaries(xy);
   return known != nullptr ? known->known_as : xy_words(xy);
 }
@@ -299,7 +299,7 @@ std::string contradiction(const std::vector<Statement>& statements) {
     const Statement& other = statements[i];
     if (agree(statements.front(), other)) continue;
     const bool encoded = other.curve != ColorCurve::kLinear;
-    others.push_back(absl::StrCat(other.attribute, " (", words_of(other.xy),
+    others.push_back(absl::StrCat(other.attribute, " (", xy_text(other.xy),
                                   encoded ? absl::StrCat(", ", name(other.curve)) : "", ")"));
   }
   if (others.empty()) return "";
@@ -437,7 +437,9 @@ void apply(const ExrColor& color, Image& image) {
 // Chooses the picture of an OpenEXR file: a part, and channels in it.
 
 // Adds a name that is not empty and not there yet.
-void add_once(std::vector<std::string>& names, const std::string& name);
+void add_once(std::vector<std::string>& names, const std::string& name) {
+  if (!name.empty() && !absl::c_linear_search(names, name)) names.push_back(name);
+}
 
 struct ExrPicture {
   int part = 0;  // counted from 0
@@ -445,7 +447,7 @@ struct ExrPicture {
   std::vector<std::string> notes;  // what the reader chose where there is more than one picture
 };
 
-bool is_deep(const Imf::Header& header);
+bool is_deep(const Imf::Header& header) { return header.hasType() && Imf::isDeepData(header.type()); }
 
 // A layer of a part, and what it shows.
 struct Candidate {
@@ -777,12 +779,6 @@ class Pictures {
   const Imf::MultiPartInputFile& file_;
   std::vector<Candidate> all_;
 };
-
-void add_once(std::vector<std::string>& names, const std::string& name) {
-  if (!name.empty() && !absl::c_linear_search(names, name)) names.push_back(name);
-}
-
-bool is_deep(const Imf::Header& header) { return header.hasType() && Imf::isDeepData(header.type()); }
 
 // Takes, of the parts, views and layers that `choice` allows and that have colour, the one whose name says
 // best that it is the picture (PictureRank), and among equals the first. Without any, it takes a part

@@ -45,7 +45,9 @@ namespace candela {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Each kernel is a loop over vectors and one over the rest. The baseline, HWY_SCALAR, has no vectors.
+// Kernels for the chunks of an OpenEXR file. Highway chooses the instruction set when they run. The sizes are
+// any; nothing needs to be aligned. Each kernel is a loop over vectors and one over the rest. The baseline,
+// HWY_SCALAR, has no vectors.
 
 void undo_predictor_here(uint8_t* bytes, size_t count) {
   size_t i = 0;
@@ -135,11 +137,12 @@ void interleave_bytes(const uint8_t* even, const uint8_t* odd, std::span<uint8_t
   HWY_DYNAMIC_DISPATCH(interleave_bytes_here)(even, odd, out.data(), out.size());
 }
 
-// Writes `pixels` of four halves, or of four floats.
+// Writes `pixels` of four halves.
 void halves_to_rgba(const RowPlanes& planes, std::byte* rgba, size_t pixels) {
   HWY_DYNAMIC_DISPATCH(halves_to_rgba_here)(planes, rgba, pixels);
 }
 
+// Writes `pixels` of four floats.
 void floats_to_rgba(const RowPlanes& planes, std::byte* rgba, size_t pixels) {
   HWY_DYNAMIC_DISPATCH(floats_to_rgba_here)(planes, rgba, pixels);
 }

@@ -1,11 +1,22 @@
 // Reads JPEG files, with their profiles, orientation and gain maps.
+// jpeglib.h needs FILE and size_t to be declared before it.
+// clang-format off
+#include <cstdio>
+#include <jpeglib.h>
+#include <jerror.h>
+// clang-format on
+
 #include <algorithm>
 #include <array>
+#include <csetjmp>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <numbers>
 #include <optional>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -15,26 +26,17 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+#include "client/base/number_words.h"
+#include "client/image/color.h"
+#include "client/image/power.h"
 #include "client/image/read/icc_name.h"
+#include "client/image/read/neighbours.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
 #include "server/encode/gain_map.h"
 #include "server/encode/jpeg.h"
-// jpeglib.h needs FILE and size_t to be declared before it.
-#include <cstdio>
-// clang-format off
-#include <jpeglib.h>
-#include <jerror.h>
-#include <csetjmp>
-#include <numbers>
-#include <span>
-#include <utility>
-#include "absl/strings/strip.h"
-#include "client/base/number_words.h"
-#include "client/image/color.h"
-#include "client/image/power.h"
-#include "client/image/read/neighbours.h"
 
 namespace candela {
 namespace {
@@ -65,15 +67,15 @@ class TiffBytes {
 // The profile of all its parts, which are numbered from 1. "" if there is none, or one of them is missing.
 // Source: ICC.1:2010, annex B.4.
 std::string icc_profile_of(const JpegSegments& segments, bool& is_there) {
-  constexpr absl::string_view kMarkerName{"ICC_PROFILE\0", 12};
+  constexpr absl::string_view kIccName{"ICC_PROFILE\0", 12};
   std::array<absl::string_view, 256> parts{};
   size_t count = 0;
   for (const JpegSegment& segment : segments.before_scans) {
-    if (segment.marker != kApp2 || !absl::StartsWith(segment.body, kMarkerName)) continue;
+    if (segment.marker != kApp2 || !absl::StartsWith(segment.body, kIccName)) continue;
     is_there = true;
-    if (segment.body.size() < kMarkerName.size() + 2) return "";
-    count = static_cast<uint8_t>(segment.body[kMarkerName.size() + 1]);
-    parts[static_cast<uint8_t>(segment.body[kMarkerName.size()])] = segment.body.substr(kMarkerName.size() + 2);
+    if (segment.body.size() < kIccName.size() + 2) return "";
+    count = static_cast<uint8_t>(segment.body[kIccName.size() + 1]);
+    parts[static_cast<uint8_t>(segment.body[kIccName.size()])] = segment.body.substr(kIccName.size() + 2);
   }
   std::string profile;
   for (size_t i = 1; i <= count; ++i) {
@@ -141,7 +143,7 @@ Signal signal_of_jpeg(const JpegSegments& segments, std::vector<std::string>& no
   return signal;
 }
 
-// Finds the gain map of a JPEG file and what its codes mean. Internal to client/image.
+// Finds the gain map of a JPEG file and what its codes mean.
 
 struct FoundGainMap {
   absl::string_view jpeg;    // within the file; empty: the file has no gain map
@@ -435,8 +437,6 @@ absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSeg
 // Reads JPEG files by libjpeg-turbo: grey and RGB pictures of 8 bits, upright. With a gain map, it is the HDR
 // picture, for a display that can show all of it; else codes of sRGB, or of the primaries that the file's ICC
 // profile names.
-
-// clang-format on
 
 namespace candela {
 namespace {

@@ -1,8 +1,5 @@
 // What the kernels of the host compute with, for each target of Highway: pixels of the wire as vectors of
-// floats, and GLSL's scalars and vectors over them.
-//
-// Pixels of the wire as vectors of floats: the same arithmetic as shaders/glsl/input.glsl, for each target of
-// Highway.
+// floats, with the arithmetic of shaders/glsl/input.glsl, and GLSL's scalars and vectors over them.
 //
 // Lane order: a vector holds kLanes neighbouring pixels of a row, B = kLanes / 4 to a block of four lanes.
 // Lane i of block b holds pixel i * B + b, because transposing whole blocks needs the fewest instructions. So

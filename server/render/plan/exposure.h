@@ -14,6 +14,8 @@
 
 namespace candela {
 
+// Metering, from the sums that the passes made (docs/pipeline.md section 2).
+
 // Weights (0 .. 255) of the 256 steps of squared distance from the centre. Any thread.
 const std::vector<uint32_t>& center_weights();
 

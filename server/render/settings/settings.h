@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "candela/v1/render.pb.h"
-#include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/image_size.h"
 #include "proto/candela/v1/pixel_size.h"
 #include "server/render/color/hdr_signal.h"
 #include "server/render/settings/tiers.h"
@@ -52,11 +52,9 @@ ImageSize image_size(const v1::Settings& settings, const FrameDesc& desc);
 
 bool resizes(const v1::Settings& settings, const FrameDesc& desc);
 
-// The settings of a frame, complete and checked.
-
-// Immutable and cheap to copy. Any thread. Ranges and defaults are declared at the fields of
-// candela.v1.Settings. Every number, choice and text has a value, except those that the contract leaves
-// absent.
+// The settings of a frame, complete and checked. Immutable and cheap to copy. Any thread. Ranges and defaults
+// are declared at the fields of candela.v1.Settings. Every number, choice and text has a value, except those
+// that the contract leaves absent.
 class Settings {
  public:
   Settings();  // every default

@@ -1,4 +1,4 @@
-// Good OpenEXR files through read_image: values, windows, channels, layers, parts and metadata.
+// OpenEXR files through read_image(): values, windows, layers and metadata; refusals, gaps, and ZIP.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputFile.h>

@@ -1,3 +1,4 @@
+// Images by their content, and real files of the test data.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>

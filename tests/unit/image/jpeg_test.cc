@@ -1,30 +1,33 @@
-// JPEG files for tests: plain ones, and those with a gain map.
+// JPEG files: read, damaged, and with gain maps.
+// jpeglib.h needs FILE and size_t to be declared before it.
+// clang-format off
+#include <cstdio>
+#include <jpeglib.h>
+// clang-format on
+
+#include <gtest/gtest.h>
+#include <lcms2.h>
+
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <functional>
+#include <map>
+#include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_format.h"
 #include "client/image/image.h"
 #include "server/encode/gain_map.h"
 #include "server/encode/picture.h"
 #include "tests/support/status.h"
-// jpeglib.h needs FILE and size_t to be declared before it.
-#include <cstdio>
-// clang-format off
-#include <jpeglib.h>
-#include <gtest/gtest.h>
-#include <lcms2.h>
-#include <array>
-#include <cmath>
-#include <cstdlib>
-#include <random>
-#include <utility>
-#include "absl/strings/match.h"
-#include "absl/strings/str_format.h"
 #include "tests/unit/image/image_support.h"
-#include <map>
 
 namespace candela {
 namespace {
@@ -32,8 +35,7 @@ namespace {
 using CodeAt = std::function<int(uint32_t x, uint32_t y, int channel)>;
 
 // The picture of these codes, of the best quality.
-std::string jpeg_of(uint32_t width, uint32_t height, const CodeAt& code,
-                           const JpegOptions& options = {100}) {
+std::string jpeg_of(uint32_t width, uint32_t height, const CodeAt& code, const JpegOptions& options = {100}) {
   std::vector<std::byte> rows(size_t{4} * width * height, std::byte{255});
   for (size_t i = 0; i < rows.size(); ++i) {
     const size_t pixel = i / 4;
@@ -84,7 +86,7 @@ std::string jpeg_segment(int marker, const std::string& body) {
 }
 
 absl::StatusOr<Image> read_jpeg_bytes(const std::string& bytes, const PictureChoice& choice = {},
-                                             const ImageLimits& limits = {}) {
+                                      const ImageLimits& limits = {}) {
   return read_image_bytes("file", bytes, limits, choice);
 }
 
@@ -137,17 +139,15 @@ GainMapMetadata three_channels() {
 
 // JPEG files as input: SDR pictures, and those whose gain map makes them HDR.
 
-// clang-format on
-
 namespace candela {
 namespace {
 
-double srgb_light_of(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
+double light_of_srgb(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
 
 // HDR light of a base's and a map's code, by the definition.
 double hdr(const GainMapMetadata& m, int c, double base, double map) {
   const double g = m.min_log2[c] + (m.max_log2[c] - m.min_log2[c]) * std::pow(map / 255, 1 / m.gamma[c]);
-  return (srgb_light_of(base / 255) + m.offset_sdr[c]) * std::exp2(g) - m.offset_hdr[c];
+  return (light_of_srgb(base / 255) + m.offset_sdr[c]) * std::exp2(g) - m.offset_hdr[c];
 }
 
 TEST(JpegReader, APlainFileIsCodesOfSrgb) {
@@ -160,7 +160,7 @@ TEST(JpegReader, APlainFileIsCodesOfSrgb) {
   EXPECT_FALSE(image.display_light);
   EXPECT_FALSE(image.has_alpha);
   EXPECT_FALSE(image.names_primaries);
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(image, 8, 4, c), srgb_light_of(100 / 255.0), 1e-6);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(image, 8, 4, c), light_of_srgb(100 / 255.0), 1e-6);
   EXPECT_EQ(component(image, 8, 4, 3), 1);
 
   ASSERT_OK_AND_ASSIGN(const Image named, read_jpeg_bytes(jpeg_of(9, 5, flat(100))));
@@ -183,7 +183,7 @@ TEST(JpegReader, TheChoiceSaysWhatCodesAre) {
 
 TEST(JpegReader, AGreyFileIsGrey) {
   ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(map_of(8, 8, true, flat(200))));
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(image, 0, 0, c), srgb_light_of(200 / 255.0), 1e-6);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(image, 0, 0, c), light_of_srgb(200 / 255.0), 1e-6);
 }
 
 TEST(JpegReader, AGainMapMakesHdrLight) {
@@ -276,7 +276,7 @@ TEST(JpegReader, ASmoothHdrPictureComesBack) {
       const double light = component(image, x, y, 1);
       of_gain.push_back(std::abs(std::log2(light / component(sdr, x, y, 1)) - log2_gain(x, y)));
       of_light.push_back(std::abs(
-          std::log2(light / (srgb_light_of(sdr_code(x, y, 1) / 255.0) * std::exp2(log2_gain(x, y))))));
+          std::log2(light / (light_of_srgb(sdr_code(x, y, 1) / 255.0) * std::exp2(log2_gain(x, y))))));
     }
   }
   std::ranges::sort(of_gain);
@@ -293,7 +293,7 @@ TEST(JpegReader, ASmallerMapIsSampledBetweenItsPixels) {
   const auto ramp = [](uint32_t x, uint32_t y, int) { return static_cast<int>(10 + 12 * x + 3 * y); };
   ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(joined(jpeg_of(32, 32, flat(128)),
                                                                  map_of(16, 16, true, ramp), metadata)));
-  const double white = srgb_light_of(128 / 255.0);
+  const double white = light_of_srgb(128 / 255.0);
   for (uint32_t y = 0; y < 32; ++y) {
     for (uint32_t x = 0; x < 32; ++x) {
       const double u = std::clamp((x + 0.5) / 2 - 0.5, 0.0, 15.0),
@@ -346,7 +346,7 @@ TEST(JpegReader, OneDenominatorMayServeAllFractions) {
   std::string iso = std::string("\0\0\0\0\x48", 5);
   for (const int v : {10, 0, 30, 0, 30, 10, 0, 0}) iso += std::string("\0\0\0", 3) + static_cast<char>(v);
   ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(with_iso(file, iso)));
-  EXPECT_NEAR(component(image, 0, 0, 0), srgb_light_of(90 / 255.0) * 8, 1e-5);
+  EXPECT_NEAR(component(image, 0, 0, 0), light_of_srgb(90 / 255.0) * 8, 1e-5);
   EXPECT_EQ(image.signal, "8 bits, sRGB, from ICC, gain map of 3 stops");
 }
 
@@ -387,7 +387,7 @@ TEST(JpegReader, ItsProfileNamesThePrimaries) {
   ASSERT_TRUE(image.chromaticities.has_value());
   EXPECT_EQ((*image.chromaticities)[0], 0.68f);
   EXPECT_EQ(image.signal, "8 bits, sRGB, from ICC, gain map of 1 stops");
-  EXPECT_NEAR(component(image, 0, 0, 1), 2 * srgb_light_of(90 / 255.0), 1e-5);
+  EXPECT_NEAR(component(image, 0, 0, 1), 2 * light_of_srgb(90 / 255.0), 1e-5);
   ASSERT_OK_AND_ASSIGN(const Image own, read_jpeg_bytes(file, {.own_values = true}));
   EXPECT_FALSE(own.chromaticities.has_value());
 
@@ -437,9 +437,9 @@ TEST(JpegReader, PicturesAreUpright) {
       for (uint32_t y = 4; y < plain.height; y += 8) {
         for (uint32_t x = 4; x < plain.width; x += 8) {
           const int should = expected[turn][seen.size()];
-          EXPECT_NEAR(component(plain, x, y, 0), srgb_light_of(should / 255.0), 1e-6) << turn;
+          EXPECT_NEAR(component(plain, x, y, 0), light_of_srgb(should / 255.0), 1e-6) << turn;
           EXPECT_NEAR(component(image, x, y, 0),
-                      srgb_light_of(should / 255.0) * std::exp2(2 * should / 255.0), 1e-5);
+                      light_of_srgb(should / 255.0) * std::exp2(2 * should / 255.0), 1e-5);
           seen.push_back(should);
         }
       }
@@ -469,8 +469,6 @@ TEST(JpegReader, PixelsHaveAnAspect) {
 }  // namespace candela
 
 // Damaged, hostile and unsupported JPEG files as input.
-
-// clang-format on
 
 namespace candela {
 namespace {

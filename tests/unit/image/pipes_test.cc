@@ -1,3 +1,4 @@
+// Images through pipes: taken one after the other, y4m, and frames written.
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>

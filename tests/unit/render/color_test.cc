@@ -1,4 +1,4 @@
-// The curve aces-1 against published values, and its table against OpenColorIO.
+// The ACES transforms, wide tables, Candela's own powers, and HDR displays, against published values.
 #include <OpenColorIO/OpenColorIO.h>
 #include <gtest/gtest.h>
 
@@ -308,7 +308,7 @@ TEST(ColorTable, IsWithinItsPublishedErrorOfOpenColorIO) {
 
 // The ACES 2.0 output transform against OpenColorIO's published test values and against its processors.
 
-using Triple64 = std::array<double, 3>;
+using Color64 = std::array<double, 3>;
 
 struct Output {
   const char* name;  // in OpenColorIO's "ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - NAME_2.0"
@@ -330,10 +330,10 @@ constexpr Output kOutputs[] = {{"SDR-100nit-REC709", 100, v1::PRIMARIES_REC709},
                                {"HDR-2000nit-REC2020", 2000, v1::PRIMARIES_REC2020},
                                {"HDR-4000nit-REC2020", 4000, v1::PRIMARIES_REC2020}};
 
-Triple64 xyz_of(const Aces2& transform, const Triple64& aces, v1::Primaries limiting) {
-  const Triple64 rgb = transform.display(aces);
+Color64 xyz_of(const Aces2& transform, const Color64& aces, v1::Primaries limiting) {
+  const Color64 rgb = transform.display(aces);
   const std::array<double, 9> m = matrix_to_xyz(chromaticities(limiting));
-  Triple64 xyz{};
+  Color64 xyz{};
   for (size_t i = 0; i < 9; ++i) xyz[i / 3] += m[i] * rgb[i % 3];
   return xyz;
 }
@@ -343,27 +343,27 @@ TEST(Aces2, HasThePublishedValues) {
   struct Published {
     double peak_nits;
     v1::Primaries limiting;
-    Triple64 xyz;
+    Color64 xyz;
   };
   for (const Published& p : {Published{100, v1::PRIMARIES_REC709, {0.26260215, 0.25207460, 0.20617345}},
                              Published{500, v1::PRIMARIES_REC2020, {0.41039288, 0.38813818, 0.30191860}},
                              Published{1000, v1::PRIMARIES_REC2020, {0.46536580, 0.43852842, 0.33688098}},
                              Published{2000, v1::PRIMARIES_REC2020, {0.51225960, 0.48264492, 0.37060046}},
                              Published{4000, v1::PRIMARIES_REC2020, {0.55653548, 0.51967967, 0.38678783}}}) {
-    const Triple64 xyz = xyz_of(Aces2(p.peak_nits, chromaticities(p.limiting)), {0.5, 0.4, 0.3}, p.limiting);
+    const Color64 xyz = xyz_of(Aces2(p.peak_nits, chromaticities(p.limiting)), {0.5, 0.4, 0.3}, p.limiting);
     for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(xyz[k], p.xyz[k], 1e-5) << p.peak_nits << " " << k;
   }
 }
 
 TEST(Aces2, TellsLimitingGamutsApart) {
-  const Triple64 far = {0.562714786, 3.438684474, 0.016100841};
+  const Color64 far = {0.562714786, 3.438684474, 0.016100841};
   const auto xyz = [&](v1::Primaries limiting) {
     return xyz_of(Aces2(1000, chromaticities(limiting)), far, limiting);
   };
-  const Triple64 p3 = xyz(v1::PRIMARIES_P3_D65), rec2020 = xyz(v1::PRIMARIES_REC2020);
+  const Color64 p3 = xyz(v1::PRIMARIES_P3_D65), rec2020 = xyz(v1::PRIMARIES_REC2020);
   for (size_t k = 0; k < 3; ++k) {
-    EXPECT_NEAR(p3[k], (Triple64{1.033632, 2.573298, 0.448537})[k], 1e-6);
-    EXPECT_NEAR(rec2020[k], (Triple64{0.597625, 2.754290, 0.113852})[k], 1e-6);
+    EXPECT_NEAR(p3[k], (Color64{1.033632, 2.573298, 0.448537})[k], 1e-6);
+    EXPECT_NEAR(rec2020[k], (Color64{0.597625, 2.754290, 0.113852})[k], 1e-6);
   }
 }
 
@@ -378,9 +378,9 @@ TEST(Aces2, GreyIsAsBrightAsPublished) {
 
 TEST(Aces2, IsWithinTheDisplayForAnyLight) {
   const Aces2 transform(100, chromaticities(v1::PRIMARIES_REC709));
-  for (const Triple64& c :
-       {Triple64{0, 0, 0}, Triple64{1e12, 1e12, 1e12}, Triple64{1e12, 0, 0}, Triple64{0, -1e12, 1},
-        Triple64{1e-9, 0, 0}, Triple64{-1, -1, -1}, Triple64{0, 0, 65504}}) {
+  for (const Color64& c :
+       {Color64{0, 0, 0}, Color64{1e12, 1e12, 1e12}, Color64{1e12, 0, 0}, Color64{0, -1e12, 1},
+        Color64{1e-9, 0, 0}, Color64{-1, -1, -1}, Color64{0, 0, 65504}}) {
     for (const double v : transform.display(c)) EXPECT_TRUE(v >= 0 && v <= 1) << v;
   }
 }
@@ -397,7 +397,7 @@ TEST(Aces2, AgreesWithOpenColorIOForEveryOutput) {
     const Aces2 transform(output.peak_nits, chromaticities(output.limiting));
     double worst = 0, sum = 0;
     for (size_t i = 0; i < points.size(); ++i) {
-      const Triple64 xyz = xyz_of(transform, points[i].template get<Triple64>(), output.limiting);
+      const Color64 xyz = xyz_of(transform, points[i].template get<Color64>(), output.limiting);
       for (size_t k = 0; k < 3; ++k) {
         const double error = std::abs(output.scale * xyz[k] - (*found)["xyz"][i][k].template get<double>()) /
                              (output.scale * output.peak_nits / 100);

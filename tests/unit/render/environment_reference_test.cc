@@ -1,4 +1,4 @@
-// The float64 reference of a panorama's cube map (docs/environments.md, section 2).
+// The float64 references of a panorama's cube map and of its light (docs/environments.md).
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Scenes of spheres before a sky, for the tests of the reference of views.
+// The float64 reference of views: cameras, the sky, and spheres before it.
 #include <gtest/gtest.h>
 
 #include <algorithm>

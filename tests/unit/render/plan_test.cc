@@ -1,4 +1,5 @@
-// The area that light can reach in each pass of the bloom, against a count of every texel that a pass reads.
+// The host's decisions for a frame: where light reaches, filters of other sizes, metering, exposure, the
+// plan.
 #include "server/render/plan/plan.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Bands as bytes, read and written, with and without zstd.
 #include "proto/candela/v1/band_wire.h"
 
 #include <gtest/gtest.h>

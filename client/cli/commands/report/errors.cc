@@ -565,8 +565,8 @@ absl::StatusOr<Rendered> render(const ReportSession& session, const ReportImage&
   return Rendered{picture_of(std::move(result), false, 1), std::move(options)};
 }
 
-absl::StatusOr<Json> row_of(const ReportSession& session, const ReportImage& image, const FileKind& kind,
-                            const std::string& folder) {
+absl::StatusOr<Json> file_row(const ReportSession& session, const ReportImage& image, const FileKind& kind,
+                              const std::string& folder) {
   ASSIGN_OR_RETURN(const Rendered rendered, render(session, image, kind));
   FileKind whole = kind;  // with 16 bits, which the file is compared with
   whole.wide = true;
@@ -606,7 +606,7 @@ absl::StatusOr<Json> measure_files(const ReportSession& session, const ReportIma
   Json rows = Json::array();
   for (const FileKind& kind : kKinds) {
     session.show(absl::StrCat("file: ", kind.name));
-    absl::StatusOr<Json> row = row_of(session, image, kind, folder);
+    absl::StatusOr<Json> row = file_row(session, image, kind, folder);
     if (!row.ok()) row = Json{{"kind", kind.name}, {"error", std::string(row.status().message())}};
     rows.push_back(*std::move(row));
   }

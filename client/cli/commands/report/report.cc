@@ -100,7 +100,7 @@ constexpr double kImageMegapixels = 4;
 
 // Of the sample panorama, in texels.
 constexpr uint32_t kQuickPanoramaHeight = 256;
-constexpr uint32_t kReportPanoramaHeight = 512;
+constexpr uint32_t kFullPanoramaHeight = 512;
 
 // The last measurement of --quick ends by then, so that everything is written within five minutes.
 constexpr absl::Duration kQuickTime = absl::Seconds(280);
@@ -182,7 +182,7 @@ absl::StatusOr<std::vector<ReportPanorama>> read_panoramas(const ReportOptions& 
     panoramas.push_back({taken ? path : name, std::move(file.panorama)});
   }
   if (!panoramas.empty()) return panoramas;
-  const uint32_t height = options.quick ? kQuickPanoramaHeight : kReportPanoramaHeight;
+  const uint32_t height = options.quick ? kQuickPanoramaHeight : kFullPanoramaHeight;
   ASSIGN_OR_RETURN(Image sample, scene_image(2 * height, height, scenes::panorama(2 * height, height)));
   panoramas.push_back({"sample panorama", panorama_of(std::move(sample), v1::Settings())});
   return panoramas;

@@ -1,5 +1,3 @@
-#include "server/base/process.h"
-
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -7,6 +5,7 @@
 #include <string>
 #include <thread>
 
+#include "server/base/process.h"
 #include "server/memory_budget.h"
 #include "tests/support/files.h"
 

@@ -1,3 +1,5 @@
+#include "server/grpc_listener.h"
+
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <unistd.h>
@@ -9,7 +11,6 @@
 
 #include "absl/synchronization/mutex.h"
 #include "server/base/listening_socket.h"
-#include "server/grpc_listener.h"
 #include "tests/support/clock.h"
 
 namespace candela {
