@@ -1,4 +1,4 @@
-// What a sequence run tells: as text, as JSON and as a plot.
+// The report of a sequence: text, JSON and a plot.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What a person reads: progress, and the line of a failure.
+// The terminal: progress, notes, and the line that a failure becomes.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -86,9 +86,6 @@ absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file) {
   return found;
 }
 
-}  // namespace candela
-
-namespace candela {
 namespace {
 
 struct JpegFailure {

@@ -15,29 +15,21 @@
 namespace candela {
 namespace {
 
-// A small version of a studio's configuration; `roles` decide what it says about its primaries.
-std::string config(const std::string& roles) {
-  return "ocio_profile_version: 2\n\nroles:\n" + roles +
-         "  default: ACEScg\n"
-         R"(
+// A small version of a studio's configuration. `roles` decide what it says about its primaries; `displays`
+// are those with their views, and `spaces` are colour spaces besides ACES2065-1 and ACEScg.
+std::string config(const std::string& roles, const std::string& displays, const std::string& spaces = "") {
+  return "ocio_profile_version: 2\n\nroles:\n" + roles + R"(  default: ACEScg
 file_rules:
   - !<Rule> {name: Default, colorspace: default}
-
 displays:
-  sRGB:
-    - !<View> {name: ACES, view_transform: ACES, display_colorspace: sRGB - Display}
-    - !<View> {name: Plain, view_transform: Plain, display_colorspace: sRGB - Display}
-  Cinema:
-    - !<View> {name: ACES, view_transform: ACES, display_colorspace: P3 - Display}
-
-view_transforms:
+)" + displays +
+         R"(view_transforms:
   - !<ViewTransform>
     name: Plain
     from_scene_reference: !<BuiltinTransform> {style: UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD}
   - !<ViewTransform>
     name: ACES
     from_scene_reference: !<BuiltinTransform> {style: ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0}
-
 display_colorspaces:
   - !<ColorSpace>
     name: CIE-XYZ-D65
@@ -47,15 +39,21 @@ display_colorspaces:
   - !<ColorSpace>
     name: P3 - Display
     from_display_reference: !<BuiltinTransform> {style: DISPLAY - CIE-XYZ-D65_to_G2.6-P3-D65}
-
 colorspaces:
   - !<ColorSpace>
     name: ACES2065-1
   - !<ColorSpace>
     name: ACEScg
     to_scene_reference: !<BuiltinTransform> {style: ACEScg_to_ACES2065-1}
-)";
+)" + spaces;
 }
+
+constexpr char kStudioDisplays[] = R"(  sRGB:
+    - !<View> {name: ACES, view_transform: ACES, display_colorspace: sRGB - Display}
+    - !<View> {name: Plain, view_transform: Plain, display_colorspace: sRGB - Display}
+  Cinema:
+    - !<View> {name: ACES, view_transform: ACES, display_colorspace: P3 - Display}
+)";
 
 constexpr char kStudioRoles[] =
     "  aces_interchange: ACES2065-1\n  cie_xyz_d65_interchange: CIE-XYZ-D65\n  scene_linear: ACEScg\n";
@@ -64,7 +62,7 @@ class Ocio : public ::testing::Test {
  protected:
   Ocio() {
     write_small_exr(in_);
-    write_file(studio_, config(kStudioRoles));
+    write_file(studio_, config(kStudioRoles, kStudioDisplays));
   }
 
   static void expect_error(const Outcome& outcome, int code, const std::string& words) {
@@ -162,7 +160,7 @@ TEST_F(Ocio, EveryViewHasItsMeasuredError) {
 
 TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
   const std::string loose = folder_.path("loose.ocio");
-  write_file(loose, config("  scene_linear: ACEScg\n"));
+  write_file(loose, config("  scene_linear: ACEScg\n", kStudioDisplays));
   const auto report = candela_json({"render", in_, folder_.path("out.png"), "--ocio", loose});
   EXPECT_EQ(report["view"]["input"], "ACEScg");
   EXPECT_TRUE(says(report["notes"].dump(), "taken to be linear Rec.709; --ocio-input names another"));
@@ -171,7 +169,7 @@ TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
   EXPECT_EQ(named["view"]["input"], "ACES2065-1");
   EXPECT_FALSE(says(named["notes"].dump(), "taken to be"));
 
-  write_file(loose, config(""));
+  write_file(loose, config("", kStudioDisplays));
   expect_error(
       candela({"render", in_, folder_.path("out.png"), "--ocio", loose, "-q"}), 3,
       "has neither a role aces_interchange nor scene_linear; name its linear Rec.709 with --ocio-input: ");
@@ -180,7 +178,7 @@ TEST_F(Ocio, SaysWhatItAssumesAboutPrimaries) {
 TEST_F(Ocio, ARoleThatNamesAMissingColourSpaceIsNamed) {
   const std::string broken = folder_.path("broken.ocio");
   for (const std::string role : {"aces_interchange", "scene_linear"}) {
-    write_file(broken, config("  " + role + ": Missing\n"));
+    write_file(broken, config("  " + role + ": Missing\n", kStudioDisplays));
     expect_error(candela({"render", in_, folder_.path("out.png"), "--ocio", broken, "-q"}), 3,
                  broken + ": its role " + role + " names a colour space that it does not have");
   }
@@ -214,7 +212,7 @@ TEST_F(Ocio, WhatIsNotThereIsNamedBesideWhatIs) {
 // Studios' configurations of 2025 and later.
 TEST_F(Ocio, AConfigurationThatIsTooNewNamesTheWaysAround) {
   const std::string later = folder_.path("later.ocio");
-  std::string text = config(kStudioRoles);
+  std::string text = config(kStudioRoles, kStudioDisplays);
   write_file(later, "ocio_profile_version: 2.4" + text.substr(text.find('\n')));
   const std::string aces2 = folder_.path("aces2.ocio");
   const std::string style = "ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-100nit-REC709_2.0";
@@ -341,38 +339,13 @@ TEST_F(Ocio, TheVariableOcioIsTheDefaultAndTheLineSaysSo) {
 
 namespace ocio = OCIO_NAMESPACE;
 
-// A studio's configuration. `roles` is what it says about its primaries.
-std::string config_with(const std::string& roles) {
-  return "ocio_profile_version: 2\n\nroles:\n" + roles +
-         R"(  default: ACEScg
-file_rules:
-  - !<Rule> {name: Default, colorspace: default}
-displays:
-  sRGB:
+constexpr char kInputDisplays[] = R"(  sRGB:
     - !<View> {name: ACES, view_transform: ACES, display_colorspace: sRGB - Display}
     - !<View> {name: Plain, view_transform: Plain, display_colorspace: sRGB - Display}
     - !<View> {name: Raw, colorspace: Raw}
     - !<View> {name: Log, colorspace: ACEScct}
-view_transforms:
-  - !<ViewTransform>
-    name: Plain
-    from_scene_reference: !<BuiltinTransform> {style: UTILITY - ACES-AP0_to_CIE-XYZ-D65_BFD}
-  - !<ViewTransform>
-    name: ACES
-    from_scene_reference: !<BuiltinTransform> {style: ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0}
-display_colorspaces:
-  - !<ColorSpace>
-    name: CIE-XYZ-D65
-  - !<ColorSpace>
-    name: sRGB - Display
-    from_display_reference: !<BuiltinTransform> {style: DISPLAY - CIE-XYZ-D65_to_sRGB}
-colorspaces:
-  - !<ColorSpace>
-    name: ACES2065-1
-  - !<ColorSpace>
-    name: ACEScg
-    to_scene_reference: !<BuiltinTransform> {style: ACEScg_to_ACES2065-1}
-  - !<ColorSpace>
+)";
+constexpr char kInputSpaces[] = R"(  - !<ColorSpace>
     name: ACEScct
     to_scene_reference: !<BuiltinTransform> {style: ACEScct_to_ACES2065-1}
   - !<ColorSpace>
@@ -386,7 +359,6 @@ colorspaces:
     name: Raw
     isdata: true
 )";
-}
 
 constexpr char kInterchange[] = "  aces_interchange: ACES2065-1\n  cie_xyz_d65_interchange: CIE-XYZ-D65\n";
 
@@ -396,7 +368,7 @@ struct Error {
 
 class OcioInput : public ::testing::Test {
  protected:
-  OcioInput() { write_file(studio_, config_with(kInterchange)); }
+  OcioInput() { write_file(studio_, config(kInterchange, kInputDisplays, kInputSpaces)); }
 
   // Renders the file, and compares the picture with OpenColorIO's own.
   Error error_of(const std::string& in, const std::string& config, const std::string& input,
@@ -502,9 +474,9 @@ TEST_F(OcioInput, HalvesOfAPhmFileAreConverted) {
 
 TEST_F(OcioInput, AConfigurationWithoutInterchangeIsAsAccurate) {
   const std::string loose = folder_.path("loose.ocio");
-  write_file(loose, config_with("  scene_linear: ACEScg\n"));
+  write_file(loose, config("  scene_linear: ACEScg\n", kInputDisplays, kInputSpaces));
   expect_right(write_hues(), loose, "ACEScg", "ACES", kPure);
-  write_file(loose, config_with(""));
+  write_file(loose, config("", kInputDisplays, kInputSpaces));
   expect_right(write_hues(), loose, "ACEScg", "ACES", kPure);
 }
 

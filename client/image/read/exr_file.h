@@ -1,4 +1,4 @@
-// An OpenEXR file: opened and checked, its layers and channels, and its rows inside of the two windows.
+// Opens an OpenEXR file and checks it; finds its layers and channels; reads its rows.
 #pragma once
 
 #include <ImathBox.h>

@@ -431,15 +431,9 @@ absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSeg
   return FoundGainMap{};
 }
 
-}  // namespace
-}  // namespace candela
-
 // Reads JPEG files by libjpeg-turbo: grey and RGB pictures of 8 bits, upright. With a gain map, it is the HDR
 // picture, for a display that can show all of it; else codes of sRGB, or of the primaries that the file's ICC
 // profile names.
-
-namespace candela {
-namespace {
 
 constexpr int kMostScans = 500;  // a small file may have very many, and each takes the time of a picture
 

@@ -134,13 +134,7 @@ GainMapMetadata three_channels() {
           .one_channel = false};
 }
 
-}  // namespace
-}  // namespace candela
-
 // JPEG files as input: SDR pictures, and those whose gain map makes them HDR.
-
-namespace candela {
-namespace {
 
 double light_of_srgb(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
 
@@ -465,13 +459,7 @@ TEST(JpegReader, PixelsHaveAnAspect) {
   EXPECT_EQ(image.pixel_aspect, 2);
 }
 
-}  // namespace
-}  // namespace candela
-
 // Damaged, hostile and unsupported JPEG files as input.
-
-namespace candela {
-namespace {
 
 TEST(JpegReader, MetadataThatMeansNothingIsRefused) {
   const std::string file = joined(jpeg_of(8, 8, flat(90)), map_of(8, 8, true, flat(255)), stops_of(1));
