@@ -74,6 +74,13 @@ constexpr uint32_t bytes_per_pixel(ImageFormat format) {
 
 const char* name(ImageFormat format);  // "rgba16f"
 
+// What a picture's values are.
+enum class PictureLight {
+  kScene,  // light of a scene
+  kSdr,    // light of a display, whose white is 1: a finished picture
+  kHdr     // the same of a PQ or HLG signal or a gain map: 1 is reference white, and some may be brighter
+};
+
 struct Image {
   uint32_t width = 0;
   uint32_t height = 0;
@@ -85,9 +92,8 @@ struct Image {
   std::optional<FrameRate> frame_rate;  // of the sequence that the image belongs to
   // CIE 1931 xy of red, green, blue and white: rx ry gx gy bx by wx wy. Without them: Rec.709 and D65.
   std::optional<std::array<float, 8>> chromaticities;
-  // The light of a display, of a PQ or HLG signal or a gain map: 1 is reference white, and nothing is to be
-  // metered.
-  bool display_light = false;
+  PictureLight light = PictureLight::kScene;
+  double peak = 1;               // of kHdr: the brightest light that the picture may hold
   std::string signal;            // of a PNG, AVIF or JPEG file: "10 bits, PQ, from nclx"; "" of others
   bool names_primaries = false;  // the file says what its primaries are, which may be Rec.709
   uint64_t missing_pixels = 0;   // of an unfinished or damaged file: absent, which is 0 with alpha 0

@@ -74,7 +74,7 @@ absl::StatusOr<GainMapError> error_of_gain_map(const std::string& path, const Im
   const GainMapMetadata& metadata = written.metadata;
   const size_t channels = metadata.one_channel ? 1 : 3;
   const size_t pixels = size_t{hdr.width} * hdr.height;
-  if (!hdr.display_light || written.codes.size() != channels * pixels) {
+  if (hdr.light != PictureLight::kHdr || written.codes.size() != channels * pixels) {
     return absl::InternalError(absl::StrFormat("%s: it was written with a gain map and read without", path));
   }
   const auto* const light = reinterpret_cast<const float*>(hdr.pixels.data());

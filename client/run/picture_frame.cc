@@ -283,7 +283,7 @@ v1::Settings settings_for(const Image& image, v1::Settings settings) {
 }
 
 void show_display_light(const Image& image, v1::Settings& settings) {
-  if (!image.display_light) return;
+  if (image.light != PictureLight::kHdr) return;
   if (!sets_a_field(settings.exposure())) settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
   if (!sets_a_field(settings.bloom())) settings.mutable_bloom()->set_intensity(0);
 }

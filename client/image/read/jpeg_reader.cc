@@ -581,7 +581,8 @@ class GainMap {
 
   // Tells the image what it holds, behind what is said of the SDR picture.
   void describe(Image& image) const {
-    image.display_light = true;
+    image.light = PictureLight::kHdr;
+    image.peak = exponential(std::numbers::ln2 * metadata_.headroom_hdr_log2);
     absl::StrAppend(&image.signal, ", gain map of ",
                     in_digits(metadata_.headroom_hdr_log2 - metadata_.headroom_base_log2, 2), " stops");
     image.notes.push_back(

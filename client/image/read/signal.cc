@@ -73,9 +73,11 @@ std::array<double, 3> luminance_of(const std::array<float, 8>& xy) {
 
 void set_rec2020(Signal& signal) { (void)set_code_points("", 9, 2, signal); }
 
-void note_display_light(const Signal& signal, Image& image) {
-  image.display_light = is_display_light(signal.transfer);
-  if (!image.display_light) return;
+void note_display_light(const Signal& signal, double hlg_peak, Image& image) {
+  if (!is_display_light(signal.transfer)) return;
+  constexpr double kUsualPeak = 1000;  // nit, of a PQ picture that does not say it
+  image.light = PictureLight::kHdr;
+  image.peak = (signal.transfer == SignalTransfer::kHlg ? hlg_peak : kUsualPeak) / kReferenceWhiteNits;
   image.notes.push_back(absl::StrFormat(
       "%s: 1 is reference white, 203 nit; exposure is 0 EV and there is no bloom unless they are given",
       name(signal)));
@@ -172,7 +174,10 @@ double HlgDisplay::scale(const std::array<double, 3>& scene) const {
 }
 
 SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
-    : signal_(std::move(signal)), own_values_(choice.own_values) {
+    : signal_(std::move(signal)),
+      own_values_(choice.own_values),
+      coded_(choice.keeps_signal),
+      hlg_peak_(choice.hlg_peak) {
   if (choice.transfer) {
     signal_.transfer = *choice.transfer;
     signal_.gamma = 2.2;
@@ -180,12 +185,11 @@ SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
     if (assumes_primaries_) set_rec2020(signal_);
   }
   light_.resize(kCodes);
-  const bool coded = choice.keeps_signal;
   for (int i = 0; i < kCodes; ++i) {
     const double v = static_cast<double>(i) / (kCodes - 1);
-    light_[i] = static_cast<float>(coded ? v : light_of(signal_, v));
+    light_[i] = static_cast<float>(coded_ ? v : light_of(signal_, v));
   }
-  if (coded) signal_.transfer = SignalTransfer::kLinear;
+  if (coded_) signal_.transfer = SignalTransfer::kLinear;
   if (signal_.transfer == SignalTransfer::kHlg) {
     hlg_.emplace(choice.primaries.value_or(signal_.xy == kNone ? kRec709.xy : signal_.xy), choice.hlg_peak);
   }
@@ -205,7 +209,8 @@ void SignalDecoder::describe(int bits, Image& image) const {
   if (assumes_primaries_) image.names_primaries = false;
   image.signal = absl::StrFormat("%d bits, %s%s", bits, name(signal_),
                                  signal_.source.empty() ? ", assumed" : ", from " + signal_.source);
-  note_display_light(signal_, image);
+  if (!coded_) image.light = PictureLight::kSdr;
+  note_display_light(signal_, hlg_peak_, image);
 }
 
 bool decodes_values(const PictureChoice& choice) {
@@ -244,7 +249,7 @@ void decode_values(const PictureChoice& choice, Image& image) {
     for (size_t c = 0; c < 3; ++c) pixel[c] = static_cast<float>(scale * light[c]);
     std::memcpy(at, pixel.data(), sizeof pixel);
   }
-  note_display_light(signal, image);
+  note_display_light(signal, choice.hlg_peak, image);
   if (cut) {
     image.notes.push_back(
         absl::StrFormat("%s: values below 0 or above 1 are no signal, and were cut", name(signal)));

@@ -66,7 +66,8 @@ class SignalDecoder {
  private:
   Signal signal_;
   std::vector<float> light_;  // of each code
-  bool own_values_;
+  bool own_values_, coded_;
+  double hlg_peak_;
   bool assumes_primaries_ = false;  // Rec.2020, because the file names none
   std::optional<HlgDisplay> hlg_;
 };

@@ -77,7 +77,7 @@ TEST(AvifReader, EveryPixelIsItsLight) {
   EXPECT_EQ(image.width, 17u);
   EXPECT_EQ(image.height, 9u);
   EXPECT_EQ(image.signal, "10 bits, PQ, from nclx");
-  EXPECT_TRUE(image.display_light);
+  EXPECT_EQ(image.light, PictureLight::kHdr);
   const Signal pq = of_code_points(9, 16);
   for (uint32_t y = 0; y < 9; ++y) {
     for (uint32_t x = 0; x < 17; ++x) {

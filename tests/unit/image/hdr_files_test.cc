@@ -219,7 +219,7 @@ TEST_F(HdrFiles, AnAvifInPqIsReadAsTheLightOfItsDisplay) {
   for (size_t i = 0; i < size_t{4} * 256; ++i) std::memcpy(image.pixels.data() + 2 * i, &code, 2);
   write("a.avif", image, {.transfer = EncodedTransfer::kPq});
   ASSERT_OK_AND_ASSIGN(const Image back, read_image(folder_.path("a.avif")));
-  EXPECT_TRUE(back.display_light);
+  EXPECT_EQ(back.light, PictureLight::kHdr);
   EXPECT_TRUE(says(back.signal, "10 bits, PQ"));
   EXPECT_NEAR(back.chromaticities->front(), .708, 1e-4);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(back, 8, 8, c), 1, .01);

@@ -151,7 +151,7 @@ TEST(JpegReader, APlainFileIsCodesOfSrgb) {
   EXPECT_EQ(image.height, 5u);
   EXPECT_EQ(image.format, ImageFormat::kRgba32f);
   EXPECT_EQ(image.signal, "8 bits, sRGB, assumed");
-  EXPECT_FALSE(image.display_light);
+  EXPECT_NE(image.light, PictureLight::kHdr);
   EXPECT_FALSE(image.has_alpha);
   EXPECT_FALSE(image.names_primaries);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(image, 8, 4, c), light_of_srgb(100 / 255.0), 1e-6);
@@ -167,10 +167,10 @@ TEST(JpegReader, TheChoiceSaysWhatCodesAre) {
   const std::string file = joined(jpeg_of(8, 8, flat(51)), map_of(8, 8, true, flat(255)), stops_of(2));
   ASSERT_OK_AND_ASSIGN(const Image codes, read_jpeg_bytes(file, {.keeps_signal = true}));
   EXPECT_NEAR(component(codes, 3, 3, 0), 0.2, 1e-6);
-  EXPECT_FALSE(codes.display_light);
+  EXPECT_NE(codes.light, PictureLight::kHdr);
   ASSERT_OK_AND_ASSIGN(const Image linear, read_jpeg_bytes(file, {.transfer = SignalTransfer::kLinear}));
   EXPECT_NEAR(component(linear, 3, 3, 0), 0.2, 1e-6);
-  EXPECT_FALSE(linear.display_light);
+  EXPECT_NE(linear.light, PictureLight::kHdr);
   EXPECT_TRUE(has_note(linear, "its gain map is not used, because --input-transfer says what the codes are"));
   EXPECT_REFUSED(kInvalidArgument, "only OpenEXR files have parts", read_jpeg_bytes(file, {.part = "1"}));
 }
@@ -188,7 +188,7 @@ TEST(JpegReader, AGainMapMakesHdrLight) {
                                .headroom_hdr_log2 = 3.2};
   ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(joined(jpeg_of(16, 8, flat(180)),
                                                                  map_of(16, 8, true, flat(200)), one)));
-  EXPECT_TRUE(image.display_light);
+  EXPECT_EQ(image.light, PictureLight::kHdr);
   EXPECT_EQ(image.signal, "8 bits, sRGB, from ICC, gain map of 3.2 stops");
   EXPECT_TRUE(has_note(image, "gain map: 1 is reference white"));
   for (int c = 0; c < 3; ++c) {
@@ -330,7 +330,7 @@ TEST(JpegReader, EitherPlaceAndEitherMetadataWillDo) {
     // Without any word about a map, another picture in the file is none.
     ASSERT_OK_AND_ASSIGN(const Image plain,
                          read_jpeg_bytes(renamed(without_xmp, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1")));
-    EXPECT_FALSE(plain.display_light);
+    EXPECT_NE(plain.light, PictureLight::kHdr);
     EXPECT_TRUE(plain.notes.empty());
   }
 }
@@ -497,7 +497,7 @@ TEST(JpegReader, AMapThatIsNotThereIsNamed) {
                                  map_at, file.size(), cut.size()),
                  read_jpeg_bytes(cut));
   ASSERT_OK_AND_ASSIGN(const Image filled, read_jpeg_bytes(cut, {.fills_gaps = true}));
-  EXPECT_FALSE(filled.display_light);
+  EXPECT_NE(filled.light, PictureLight::kHdr);
   EXPECT_TRUE(has_note(filled, "the SDR picture is shown"));
   const std::string nowhere = renamed(renamed(file, std::string("MPF\0", 4), std::string("MPX\0", 4)),
                                       "<Container:Item", "<Kontainer:Item");

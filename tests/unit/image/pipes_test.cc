@@ -218,7 +218,7 @@ TEST_F(ImageStreams, PngsComeOneAfterAnother) {
   for (size_t i = 0; i < images.size(); ++i) {
     ASSERT_OK_AND_ASSIGN(const Image file, read_image_bytes("file", *files[i]));
     EXPECT_TRUE(same_pixels(images[i], file)) << i;
-    EXPECT_EQ(images[i].display_light, i == 1);
+    EXPECT_EQ(images[i].light == PictureLight::kHdr, i == 1);
   }
   // Wherever the stream ends, it is that frame which is cut. All its pixels are before IEND.
   for (size_t size = 1; size < grey.size() - 16; ++size) {
@@ -455,7 +455,7 @@ TEST(Y4mFrames, TheTransferIsTheUsers) {
   EXPECT_TRUE(says(srgb.notes.front(), "y4m does not name its transfer: taken as sRGB"));
   ASSERT_OK_AND_ASSIGN(const Image pq, frame_of("W1 H1 C444", white, {.transfer = SignalTransfer::kPq}));
   EXPECT_NEAR(component(pq, 0, 0, 0), 10000 / 203.0, 1e-4);
-  EXPECT_TRUE(pq.display_light);
+  EXPECT_EQ(pq.light, PictureLight::kHdr);
   EXPECT_EQ((*pq.chromaticities)[0], 0.708f);
 }
 

@@ -135,7 +135,7 @@ TEST(PngReader, EveryKindOfPixelIsItsLight) {
       EXPECT_NEAR(light_at(*image, 0, k), one.light[k], 1e-6) << one.what << " " << k;
     EXPECT_EQ(image->has_alpha, one.light[3] != 1) << one.what;
     EXPECT_EQ(image->signal, one.signal) << one.what;
-    EXPECT_FALSE(image->display_light) << one.what;
+    EXPECT_NE(image->light, PictureLight::kHdr) << one.what;
   }
 }
 
@@ -149,14 +149,14 @@ TEST(PngReader, PqIsLightOfADisplayInItsPrimaries) {
   const std::string white = {'\x94', '\xa8'};  // 0.580688881 of 65535
   ASSERT_OK_AND_ASSIGN(const Image pq, read_signal(png_of(1, 16, 0, white, cicp(9, 16))));
   EXPECT_NEAR(light_at(pq, 0, 1), 1, 1e-4);
-  EXPECT_TRUE(pq.display_light);
+  EXPECT_EQ(pq.light, PictureLight::kHdr);
   ASSERT_TRUE(pq.chromaticities);
   EXPECT_EQ((*pq.chromaticities)[0], 0.708f);
   // The user's word counts before the file's.
   ASSERT_OK_AND_ASSIGN(const Image srgb, read_signal(png_of(1, 16, 0, white, cicp(9, 16)),
                                                      {.transfer = SignalTransfer::kSrgb}));
   EXPECT_NEAR(light_at(srgb, 0, 1), srgb_light(0x94a8 / 65535.0), 1e-6);
-  EXPECT_FALSE(srgb.display_light);
+  EXPECT_NE(srgb.light, PictureLight::kHdr);
   ASSERT_OK_AND_ASSIGN(const Image own,
                        read_signal(png_of(1, 16, 0, white, cicp(9, 16)), {.own_values = true}));
   EXPECT_FALSE(own.chromaticities);
@@ -326,7 +326,7 @@ TEST(SignalValues, PqAndHlgAreLightOfADisplay) {
   for (const auto transfer : {SignalTransfer::kPq, SignalTransfer::kHlg}) {
     ASSERT_OK_AND_ASSIGN(const Image image,
                          decoded(pfm_row("PF", {0.5f, 0.5f, 0.5f}), {.transfer = transfer}));
-    EXPECT_TRUE(image.display_light);
+    EXPECT_EQ(image.light, PictureLight::kHdr);
     EXPECT_FALSE(image.names_primaries);
     EXPECT_EQ((*image.chromaticities)[0], 0.708f);
     EXPECT_TRUE(says(notes_of(image), ": 1 is reference white, 203 nit"));
@@ -338,7 +338,7 @@ TEST(SignalValues, PqAndHlgAreLightOfADisplay) {
   }
   ASSERT_OK_AND_ASSIGN(const Image srgb,
                        decoded(pfm_row("PF", {0.5f, 0, 1}), {.transfer = SignalTransfer::kSrgb}));
-  EXPECT_FALSE(srgb.display_light);
+  EXPECT_NE(srgb.light, PictureLight::kHdr);
   EXPECT_FALSE(srgb.names_primaries);
   EXPECT_EQ(notes_of(srgb), "");
   // --ocio-input takes the values as they are.
@@ -347,7 +347,7 @@ TEST(SignalValues, PqAndHlgAreLightOfADisplay) {
                                {.own_values = true, .transfer = SignalTransfer::kPq, .keeps_signal = true}));
   EXPECT_EQ(component(kept, 0, 0, 0), 0.5f);
   EXPECT_EQ(component(kept, 0, 0, 2), 2);
-  EXPECT_FALSE(kept.display_light);
+  EXPECT_NE(kept.light, PictureLight::kHdr);
 }
 
 TEST(SignalValues, WhatIsNoSignalIsCutWithANote) {
@@ -414,7 +414,7 @@ TEST(SignalValues, HalvesAndRadianceBecomeTheirLight) {
       "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n" + std::string("\x80\x40\x20\x80", 4);
   ASSERT_OK_AND_ASSIGN(const Image radiance, decoded(hdr, {.transfer = SignalTransfer::kPq}));
   EXPECT_NEAR(component(radiance, 0, 0, 0), static_cast<double>(pq(0.5L)), 1e-6);
-  EXPECT_TRUE(radiance.display_light);
+  EXPECT_EQ(radiance.light, PictureLight::kHdr);
   // X and Z of CIE XYZ have no luminance.
   std::string xyz = hdr;
   xyz.replace(xyz.find("rgbe"), 4, "xyze");
@@ -448,7 +448,7 @@ TEST_F(ExrSignals, TheUsersTransferCountsAndTheFilesPrimaries) {
     EXPECT_EQ(image.format, ImageFormat::kRgba32f);
     EXPECT_NEAR(component(image, 0, 0, 1), static_cast<double>(pq(0.25L)), 1e-7) << id;
     EXPECT_EQ((*image.chromaticities)[0], red) << id;
-    EXPECT_TRUE(image.display_light);
+    EXPECT_EQ(image.light, PictureLight::kHdr);
     EXPECT_FALSE(absl::StrContains(notes_of(image), "decoded from")) << notes_of(image);
   }
   ASSERT_OK_AND_ASSIGN(const Image linear,
