@@ -182,6 +182,8 @@ struct WriteOptions {
   // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   HdrDisplay hdr{};  // with the transfers kPq and kHlg
+  // Of the integer formats without PQ and HLG, in place of Rec.709: as Image::chromaticities.
+  std::optional<std::array<float, 8>> primaries{};
   // Above 0: the fourth component of each pixel is not its alpha but its code in the JPEG's gain map; see
   // gain_map_in_alpha().
   double gain_map_max_log2 = 0;

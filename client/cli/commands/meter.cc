@@ -45,6 +45,7 @@ void add_meter_options(CLI::App& app, MeterOptions& options) {
       ->option_text(" ");
   add_session_options(app, options);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings, changes_metering);
   add_curve_options(app, options);
@@ -105,7 +106,7 @@ std::string histogram_text(const v1::MeterResponse& metered) {
 }
 
 std::string to_text(const std::string& path, const Image& image, const PrimariesUsed& primaries,
-                    const v1::MeterResponse& metered) {
+                    const PictureDefaults& defaults, const v1::MeterResponse& metered) {
   const v1::FrameStatistics& statistics = metered.statistics();
   std::string text = absl::StrFormat("%s\n", escaped(path));
   const auto line = [&text](const char* name, const std::string& words) {
@@ -113,9 +114,9 @@ std::string to_text(const std::string& path, const Image& image, const Primaries
   };
   line("size", absl::StrFormat("%dx%d", image.width, image.height));
   line("primaries", words_of(primaries));
-  line("exposure",
-       absl::StrFormat("%s (%s EV), target %s", in_digits(metered.exposure(), 6),
-                       with_sign(std::log2(metered.exposure()), 3), in_digits(metered.target(), 6)));
+  line("exposure", absl::StrFormat("%s (%s EV%s), target %s", in_digits(metered.exposure(), 6),
+                                   with_sign(std::log2(metered.exposure()), 3),
+                                   default_exposure_words(defaults), in_digits(metered.target(), 6)));
   line("luminance", absl::StrFormat("%s .. %s, mean 2^%s", in_digits(statistics.min_luminance(), 4),
                                     in_digits(statistics.max_luminance(), 4),
                                     in_decimals(statistics.mean_log2_luminance(), 3)));
@@ -182,9 +183,11 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   display.begins("metering " + input);
   Run run(options, display);
   ASSIGN_OR_RETURN(const v1::Limits limits, run.limits());
-  ASSIGN_OR_RETURN(const Image image, read_image(input, image_limits(limits, options), choice_of(options)));
+  ASSIGN_OR_RETURN(Image image, read_image(input, image_limits(limits, options), choice_of(options)));
+  if (options.scene_light) image.light = PictureLight::kScene;
   RETURN_IF_ERROR(run.connect());
-  v1::Settings settings = settings_for(image, options.settings);
+  const PictureSettings shown = settings_for(image, options.settings, {.defaults = options.defaults});
+  v1::Settings settings = shown.settings;
   const std::string alpha_note = options.ignore_empty_alpha ? ignore_empty_alpha(image, settings) : "";
   absl::StatusOr<v1::MeterResponse> metered;
   const absl::Time deadline = absl::Now() + kMeterTimeout;
@@ -199,11 +202,12 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
     for (const std::string& note : options.notes) print_note(note);
     for (const std::string& note : image.notes) print_note(note);
     for (const std::string& note :
-         {alpha_note, cube_map_note(image), held_words(metered->target(), metered->target_before_limits())}) {
+         {alpha_note, cube_map_note(image), not_metered_note(image, options.settings, shown.defaults),
+          held_words(metered->target(), metered->target_before_limits())}) {
       if (!note.empty()) print_note(note);
     }
     if (!json.to_stdout()) {
-      RETURN_IF_ERROR(print(to_text(input, image, primaries, *metered)));
+      RETURN_IF_ERROR(print(to_text(input, image, primaries, shown.defaults, *metered)));
     }
   }
   return json.write(to_json(input, image, primaries, *metered));

@@ -212,6 +212,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
       ->required()
       ->option_text(" ");
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_text(

@@ -165,6 +165,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
       ->option_text(" ");
   add_session_options(app, options);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_desqueeze_option(app, options);

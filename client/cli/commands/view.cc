@@ -193,6 +193,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_camera_options(app, options);
   add_move_options(app, options);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings, is_for_views);
   add_view_options(app, options);

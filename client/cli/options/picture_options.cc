@@ -426,6 +426,14 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
       });
 }
 
+void add_scene_light_option(CLI::App& app, PictureOptions& options) {
+  app.add_flag(
+         "--scene-light", options.scene_light,
+         "Take a PNG, AVIF, JPEG or y4m as light of a scene: metered, with bloom, by a tone curve (default: "
+         "as the finished picture that it is, which only an option of exposure, bloom or curve changes)")
+      ->group(kInputSection);
+}
+
 void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
   add_text(app, kInputSection, "--max-pixels", "N",
            absl::StrFormat("Refuse an image of more pixels by its header, before it is decoded; %s (default: "
@@ -547,6 +555,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
                                      : hdr || arguments.bits == 16 || encoding.needs_16_bits()
                                          ? v1::OUTPUT_FORMAT_RGBA16
                                          : v1::OUTPUT_FORMAT_RGBA8);
+  options.names_primaries = encoding.names_primaries();
   choose_alpha(options, encoding, output);
   options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
   options.write.transfer = encoded_transfer(options.settings);

@@ -87,6 +87,9 @@ struct PictureArguments {
 // outlive the app.
 void add_choice_options(CLI::App& app, PictureOptions& options);
 
+// Defines --scene-light, for a command that shows pictures.
+void add_scene_light_option(CLI::App& app, PictureOptions& options);
+
 // Defines --max-pixels, for a command that reads images.
 void add_max_pixels_option(CLI::App& app, PictureOptions& options);
 

@@ -24,6 +24,10 @@ INPUT = {  # of render, contact, stream, meter, view and environment
     "--max-pixels": lambda c: needs("--max-pixels 100000000", "--max-pixels 5", words="--max-pixels allows 5"),
     "--exr-view": lambda c: changes("--exr-view right", line=one_file(c, "views")),
 }
+FINISHED = {  # of render, contact, stream, meter and view
+    "--scene-light": lambda c: changes("--scene-light", "--spot 0,0,8,1" if c == "meter" else "",
+                                       f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
+}
 METERED = {  # of render, stream, meter and view
     "--white-balance": lambda c: changes("--white-balance 3200"),
     "--tint": lambda c: changes("--tint 0.5", "--white-balance 5000"),
@@ -49,13 +53,13 @@ BEHIND = {  # of render, contact and stream
 }
 DRAWN = {  # of render, contact, stream and view
     "--locked-exposure": lambda c: changes("--locked-exposure shot.json"),
-    "--curve": lambda c: each_word("--curve", but=("bt2390",)),
+    "--curve": lambda c: each_word("--curve"),
     "--curve-white": lambda c: changes("--curve-white 2", "--curve reinhard-extended"),
     "--prescale": lambda c: changes("--prescale 2"),
     "--transfer": lambda c: each_word("--transfer", but=("pq", "hlg") if c == "contact" else ()),
-    **{option: (lambda c, o=option, v=value, beside=beside: refuses(f"{o} {v}", words="HDR displays") if c == "contact" else changes(
+    **{option: (lambda c, o=option, v=value, beside=beside: refuses(f"{o} {v}", words="HDR displays") if c == "contact" and o != "--source-peak" else changes(
         f"{o} {v}", beside)) for option, value, beside in (
-            ("--peak", "600", "--transfer pq"), ("--source-peak", "400", "--transfer pq --peak 100"),
+            ("--peak", "600", "--transfer pq"), ("--source-peak", "400", "--curve shoulder"),
             ("--display-primaries", "p3-d65", "--transfer pq"), ("--limit", "rec2020", "--transfer pq --curve aces-2"))},
     "--gain-map": lambda c: refuses("--gain-map 1000", words="--gain-map") if c == "contact" else changes(
         "--gain-map 1000", line=LINES[c].replace(".png", ".jpg")),
@@ -228,6 +232,7 @@ def table(command: str) -> dict:
     """The checks of a command by option."""
     rows = {}
     for group, commands in ((INPUT, ("render", "contact", "stream", "meter", "view", "environment")),
+                            (FINISHED, ("render", "contact", "stream", "meter", "view")),
                             (METERED, ("render", "contact", "stream", "meter", "view")), (OVER, ("render", "contact", "stream", "meter")),
                             (BEHIND, ("render", "contact", "stream")), (SQUEEZED, ("render", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
                             (CODED, ("render", "stream", "view")),
