@@ -330,11 +330,12 @@ double largest_light(const FrameStats& stats) {
   return std::clamp<double>(most, shader::MAX_HALF, shader::MAX_LIGHT);
 }
 
-// Whether the image's scene keeps float32: an HDR display's does, and with max_error_codes every one. Other
-// frames are halves, unless a matrix changes them.
+// Whether the image's scene keeps float32: an HDR display's does, and with 16 bits or max_error_codes every
+// one. Other frames are halves, unless a matrix changes them.
 bool keeps_floats(const TextureLayout& layout, const Settings& settings, bool matrix) {
   const bool rounds = layout.desc.format == v1::PIXEL_FORMAT_RGBA32F || matrix;
-  return is_hdr(*settings) || (settings->has_max_error_codes() && rounds);
+  const bool exact = settings->has_max_error_codes() || settings->output_format() == v1::OUTPUT_FORMAT_RGBA16;
+  return is_hdr(*settings) || (exact && rounds);
 }
 
 // Whether there is light outside of Rec.709, of which a curve may cut a part.
