@@ -18,8 +18,7 @@ std::optional<uint32_t> TiffBytes::number(size_t at, size_t size) const {
   return v;
 }
 
-std::optional<TiffBytes::Tag> TiffBytes::tag(uint32_t id) const {
-  const size_t directory = number_32(4).value_or(0);
+std::optional<TiffBytes::Tag> TiffBytes::tag(uint32_t id, size_t directory) const {
   const uint32_t count = number_16(directory).value_or(0);
   for (uint32_t i = 0; i < count; ++i) {
     const size_t at = directory + 2 + size_t{12} * i;
@@ -38,6 +37,23 @@ int orientation_of(absl::string_view exif) {
   if (!tag || tag->type != kShort) return 1;
   const uint32_t turn = bytes.number_16(tag->value_at).value_or(1);
   return turn >= 1 && turn <= 8 ? static_cast<int>(turn) : 1;
+}
+
+// Source: CIPA DC-008 (Exif) and DC-009 (DCF).
+bool is_adobe_rgb(absl::string_view exif) {
+  constexpr uint32_t kExifDirectory = 0x8769, kColorSpace = 0xa001, kUncalibrated = 0xffff;
+  constexpr uint32_t kInteroperability = 0xa005, kIndex = 1;
+  const TiffBytes bytes(exif);
+  const auto number = [&bytes](const std::optional<TiffBytes::Tag>& tag) {
+    return tag ? bytes.number_32(tag->value_at).value_or(0) : 0;
+  };
+  const std::optional<TiffBytes::Tag> directory = bytes.tag(kExifDirectory);
+  if (!directory) return false;
+  const std::optional<TiffBytes::Tag> space = bytes.tag(kColorSpace, number(directory));
+  if (!space || bytes.number_16(space->value_at) != kUncalibrated) return false;
+  const std::optional<TiffBytes::Tag> rules = bytes.tag(kInteroperability, number(directory));
+  const std::optional<TiffBytes::Tag> index = rules ? bytes.tag(kIndex, number(rules)) : std::nullopt;
+  return index && absl::StartsWith(exif.substr(index->value_at), "R03");
 }
 
 }  // namespace candela

@@ -25,7 +25,9 @@ class TiffBytes {
   std::optional<uint32_t> number_16(size_t at) const { return number(at, 2); }
   std::optional<uint32_t> number_32(size_t at) const { return number(at, 4); }
   // The tag of the first directory; absent if it has none.
-  std::optional<Tag> tag(uint32_t id) const;
+  std::optional<Tag> tag(uint32_t id) const { return tag(id, number_32(4).value_or(0)); }
+  // The tag of the directory at this place.
+  std::optional<Tag> tag(uint32_t id, size_t directory) const;
 
  private:
   std::optional<uint32_t> number(size_t at, size_t size) const;
@@ -37,6 +39,9 @@ class TiffBytes {
 // Exif's orientation, 1 .. 8, of these bytes from their TIFF header on. 1, which turns nothing, if they name
 // none.
 int orientation_of(absl::string_view exif);
+
+// Whether the codes are Adobe RGB's, as cameras say it: of no colour space that Exif knows, by rule R03.
+bool is_adobe_rgb(absl::string_view exif);
 
 // Turns the stored pixels as Exif's orientation (1 .. 8) says. From 5 on, width and height change places.
 class Turned {

@@ -24,7 +24,7 @@
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "client/image/read/exif.h"
-#include "client/image/read/icc_name.h"
+#include "client/image/read/icc_profile.h"
 #include "client/image/read/jpeg_gain_map.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
@@ -55,18 +55,19 @@ std::string icc_profile_of(const JpegSegments& segments, bool& is_there) {
   return profile;
 }
 
-// The signal by the file's ICC profile, else sRGB. Says in `notes` if the profile is not used.
-Signal signal_of_jpeg(const JpegSegments& segments, std::vector<std::string>& notes) {
-  Signal signal;
+// The signal by the file's ICC profile, else by Exif, else sRGB. Says in `notes` if the profile is not used.
+// `components` are the picture's: 4 are inks.
+Signal signal_of_jpeg(const JpegSegments& segments, int components, std::vector<std::string>& notes) {
+  Signal signal{.inks = components == 4};
   bool has_profile = false;
   const std::string profile = icc_profile_of(segments, has_profile);
-  if (!has_profile) return signal;
-  // lcms2 would take the memory that a damaged profile asks for.
-  const std::string description = icc_name(profile);
-  if (description.empty()) {
-    notes.push_back("its ICC profile cannot be read: taken as sRGB");
-  } else {
-    take_profile("ICC", description, signal, notes);
+  if (has_profile) take_profile("ICC", profile, components, signal, notes);
+  if (signal.source.empty() && is_adobe_rgb(segments.named(kApp1, kExifName).value_or(""))) {
+    constexpr double kAdobeGamma = 563 / 256.0;
+    signal.transfer = SignalTransfer::kGamma;
+    signal.gamma = kAdobeGamma;
+    signal.xy = kAdobeRgb.xy;
+    signal.source = "Exif";
   }
   return signal;
 }
@@ -99,10 +100,10 @@ class Jpeg {
     jpeg_read_header(&codec_, TRUE);
     return true;
   }
-  // Asks for rows of R, G, B and a fourth byte that means nothing.
+  // Asks for rows of R, G, B and a fourth byte that means nothing; of inks for C, M, Y and K.
   bool begin_rows() {
     if (setjmp(failure_.leave) != 0) return false;
-    codec_.out_color_space = JCS_EXT_RGBX;
+    codec_.out_color_space = is_cmyk() ? JCS_CMYK : JCS_EXT_RGBX;
     jpeg_start_decompress(&codec_);
     return true;
   }
@@ -119,6 +120,8 @@ class Jpeg {
   uint32_t height() const { return codec_.image_height; }
   int components() const { return codec_.num_components; }
   bool is_cmyk() const { return codec_.jpeg_color_space == JCS_CMYK || codec_.jpeg_color_space == JCS_YCCK; }
+  // Adobe's programs store inks inverted: 255 is none.
+  bool has_inverted_inks() const { return codec_.saw_Adobe_marker == TRUE; }
   bool has_color() const { return codec_.jpeg_color_space != JCS_UNKNOWN; }
   // The width of a pixel over its height; 0 if the file does not say it.
   double pixel_aspect() const {
@@ -229,6 +232,7 @@ uint32_t read_jpeg_rows(Jpeg& jpeg, const SignalDecoder& decoder, const std::opt
   std::vector<uint8_t> codes(size_t{4} * width);
   std::vector<uint16_t> wide(codes.size(), 65535);
   std::vector<float> light(codes.size());
+  const int inverted = jpeg.is_cmyk() && jpeg.has_inverted_inks() ? 255 : 0;
   const auto pixel = [&image](uint32_t x, uint32_t y) {
     return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()) + size_t{4} * x;
   };
@@ -239,7 +243,7 @@ uint32_t read_jpeg_rows(Jpeg& jpeg, const SignalDecoder& decoder, const std::opt
       map->apply(codes.data(), width, y, to);
     } else {
       for (size_t i = 0; i < codes.size(); ++i) {
-        if (i % 4 != 3) wide[i] = static_cast<uint16_t>(codes[i] * 257);
+        if (i % 4 != 3 || jpeg.is_cmyk()) wide[i] = static_cast<uint16_t>((codes[i] ^ inverted) * 257);
       }
       decoder.decode(wide, to);
     }
@@ -266,7 +270,7 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
   if (!segments.ok()) return damaged(file.path(), kWhat, segments.status().message());
   Jpeg jpeg(all);
   if (!jpeg.read_header()) return damaged(file.path(), kWhat, jpeg.error());
-  RETURN_IF_ERROR(check_kind(file.path(), "picture", jpeg));
+  if (!jpeg.is_cmyk()) RETURN_IF_ERROR(check_kind(file.path(), "picture", jpeg));
   const Turned turned(orientation_of(segments->named(kApp1, kExifName).value_or("")), jpeg.width(),
                       jpeg.height());
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
@@ -275,7 +279,7 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
   if (const double aspect = jpeg.pixel_aspect(); aspect > 0) {
     set_pixel_aspect(turned.swaps() ? 1 / aspect : aspect, image);
   }
-  Signal signal = signal_of_jpeg(*segments, image.notes);
+  Signal signal = signal_of_jpeg(*segments, jpeg.components(), image.notes);
   absl::StatusOr<std::optional<GainMap>> map =
       gain_map_of(file.path(), all, *segments, jpeg, limits, choice, image);
   if (!map.ok() && absl::IsInvalidArgument(map.status())) {
@@ -285,10 +289,15 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
     map = std::nullopt;
   }
   RETURN_IF_ERROR(map.status());
-  if (map->has_value() && signal.transfer != SignalTransfer::kSrgb) {
+  if (map->has_value() && !signal.inks &&
+      (signal.transfer == SignalTransfer::kPq || signal.transfer == SignalTransfer::kHlg)) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: its profile says PQ or HLG, which has no gain map; --input-transfer leaves the map out",
         file.path()));
+  }
+  if (map->has_value() && (signal.inks || signal.transfer != SignalTransfer::kSrgb)) {
+    image.notes.emplace_back("its gain map is not used: the SDR picture does not have sRGB's curve");
+    map->reset();
   }
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(8, image);
