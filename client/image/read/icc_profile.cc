@@ -26,10 +26,10 @@ namespace candela {
 namespace {
 
 constexpr size_t kMostProfileBytes = 8u << 20;
-constexpr uint64_t kMostProfileMemory = 64u << 20;  // of all that lcms2 ever asks for, for one profile
+constexpr uint64_t kMostProfileMemory = 32u << 20;  // of all that lcms2 ever asks for, for one profile
 
 // lcms2 would take the memory that a damaged profile asks for. What it gives back does not count again, so
-// sizes need not be remembered: a good profile of the most bytes takes a quarter.
+// sizes need not be remembered. A profile whose tables are all its bytes takes three times these.
 void* take_counted(cmsContext context, cmsUInt32Number bytes) {
   auto& left = *static_cast<uint64_t*>(cmsGetContextUserData(context));
   if (bytes > left) return nullptr;
