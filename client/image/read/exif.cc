@@ -18,7 +18,7 @@ std::optional<uint32_t> TiffBytes::number(size_t at, size_t size) const {
   return v;
 }
 
-std::optional<TiffBytes::Tag> TiffBytes::tag(uint32_t id, size_t directory) const {
+std::optional<TiffBytes::Tag> TiffBytes::tag_in(size_t directory, uint32_t id) const {
   const uint32_t count = number_16(directory).value_or(0);
   for (uint32_t i = 0; i < count; ++i) {
     const size_t at = directory + 2 + size_t{12} * i;
@@ -49,10 +49,10 @@ bool is_adobe_rgb(absl::string_view exif) {
   };
   const std::optional<TiffBytes::Tag> directory = bytes.tag(kExifDirectory);
   if (!directory) return false;
-  const std::optional<TiffBytes::Tag> space = bytes.tag(kColorSpace, number(directory));
+  const std::optional<TiffBytes::Tag> space = bytes.tag_in(number(directory), kColorSpace);
   if (!space || bytes.number_16(space->value_at) != kUncalibrated) return false;
-  const std::optional<TiffBytes::Tag> rules = bytes.tag(kInteroperability, number(directory));
-  const std::optional<TiffBytes::Tag> index = rules ? bytes.tag(kIndex, number(rules)) : std::nullopt;
+  const std::optional<TiffBytes::Tag> rules = bytes.tag_in(number(directory), kInteroperability);
+  const std::optional<TiffBytes::Tag> index = rules ? bytes.tag_in(number(rules), kIndex) : std::nullopt;
   return index && absl::StartsWith(exif.substr(index->value_at), "R03");
 }
 

@@ -25,9 +25,9 @@ class TiffBytes {
   std::optional<uint32_t> number_16(size_t at) const { return number(at, 2); }
   std::optional<uint32_t> number_32(size_t at) const { return number(at, 4); }
   // The tag of the first directory; absent if it has none.
-  std::optional<Tag> tag(uint32_t id) const { return tag(id, number_32(4).value_or(0)); }
-  // The tag of the directory at this place.
-  std::optional<Tag> tag(uint32_t id, size_t directory) const;
+  std::optional<Tag> tag(uint32_t id) const { return tag_in(number_32(4).value_or(0), id); }
+  // The same of the directory at this place.
+  std::optional<Tag> tag_in(size_t directory, uint32_t id) const;
 
  private:
   std::optional<uint32_t> number(size_t at, size_t size) const;

@@ -63,18 +63,13 @@ Signal signal_of_jpeg(const JpegSegments& segments, int components, std::vector<
   const std::string profile = icc_profile_of(segments, has_profile);
   if (has_profile) take_profile("ICC", profile, components, signal, notes);
   if (signal.source.empty() && is_adobe_rgb(segments.named(kApp1, kExifName).value_or(""))) {
-    constexpr double kAdobeGamma = 563 / 256.0;
-    signal.transfer = SignalTransfer::kGamma;
-    signal.gamma = kAdobeGamma;
-    signal.xy = kAdobeRgb.xy;
-    signal.source = "Exif";
+    set_adobe_rgb(signal);
   }
   return signal;
 }
 
-// Reads JPEG files by libjpeg-turbo: grey and RGB pictures of 8 bits, upright. With a gain map, it is the HDR
-// picture, for a display that can show all of it; else codes of sRGB, or of the primaries that the file's ICC
-// profile names.
+// Reads JPEG files by libjpeg-turbo: pictures in grey, RGB and CMYK of 8 bits, upright. With a gain map, it is the HDR
+// picture, for a display that can show all of it; else codes of what its ICC profile says, or of sRGB.
 
 constexpr int kMostScans = 500;  // a small file may have very many, and each takes the time of a picture
 

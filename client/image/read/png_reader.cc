@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "client/image/read/exif.h"
 #include "client/image/read/icc_profile.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
@@ -83,6 +84,13 @@ class Png {
     int unit = 0;
     if (png_get_pHYs(png_, info_, &across, &down, &unit) == 0 || across == 0 || down == 0) return 0;
     return static_cast<double>(down) / across;
+  }
+  // The bytes of eXIf; "" if the file has none before its pixels.
+  absl::string_view exif() const {
+    png_uint_32 size = 0;
+    png_bytep bytes = nullptr;
+    if (png_get_eXIf_1(png_, info_, &size, &bytes) == 0) return "";
+    return {reinterpret_cast<const char*>(bytes), size};
   }
   // The bytes of a chunk that libpng does not read; nothing if the file has none before its pixels.
   std::optional<absl::string_view> kept(absl::string_view name) const {
@@ -209,6 +217,7 @@ absl::StatusOr<Signal> signal_of_png(const FileReader& file, const Png& png, con
       RETURN_IF_ERROR(set_code_points(file.path(), "sRGB", kRec709Code, kSrgbCode, choice, signal));
     }
     if (signal.source.empty()) take_gamma(png, signal, notes);
+    if (signal.source.empty() && is_adobe_rgb(png.exif())) set_adobe_rgb(signal);
   }
   if (names_transfer || names_primaries) {
     RETURN_IF_ERROR(set_code_points(file.path(), "cICP", code.primaries, code.transfer, choice, signal));

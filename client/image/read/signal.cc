@@ -187,6 +187,14 @@ absl::Status set_code_points(const std::string& path, const char* source, int pr
   return absl::OkStatus();
 }
 
+void set_adobe_rgb(Signal& signal) {
+  constexpr double kGamma = 563 / 256.0;
+  signal.transfer = SignalTransfer::kGamma;
+  signal.gamma = kGamma;
+  signal.xy = kAdobeRgb.xy;
+  signal.source = "Exif";
+}
+
 HlgDisplay::HlgDisplay(const std::array<float, 8>& xy, double peak)
     : luminance_(luminance_of(xy)),
       peak_(peak / kReferenceWhiteNits),
@@ -203,8 +211,8 @@ SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
       own_values_(choice.own_values),
       coded_(choice.keeps_signal),
       hlg_peak_(choice.hlg_peak) {
-  const bool overruled = choice.transfer || choice.own_values || choice.keeps_signal;
-  if (signal_.table && overruled) {  // it is of the codes as they are, and gives light in Rec.709
+  drops_table_ = signal_.table && (choice.transfer || choice.own_values || coded_);
+  if (drops_table_) {  // it is of the codes as they are, and gives light in Rec.709
     signal_.table = nullptr;
     signal_.transfer = SignalTransfer::kSrgb;
     signal_.xy = kNone;
@@ -268,6 +276,10 @@ void SignalDecoder::describe(int bits, Image& image) const {
   image.signal = absl::StrFormat("%d bits, %s%s", bits, name(signal_),
                                  signal_.source.empty() ? ", assumed" : ", from " + signal_.source);
   if (!coded_) image.light = PictureLight::kSdr;
+  if (drops_table_ && !coded_) {
+    image.notes.emplace_back(
+        "its ICC profile is not used, because --input-transfer or --primaries says what the codes are");
+  }
   if (signal_.inks && !signal_.table) {
     image.notes.emplace_back(
         "CMYK without a profile that is used: its inks are taken as ideal, R = (1 - C) (1 - K)");

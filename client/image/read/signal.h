@@ -50,6 +50,9 @@ bool is_camera_transfer(int transfer);
 absl::Status set_code_points(const std::string& path, const char* source, int primaries, int transfer,
                              const PictureChoice& choice, Signal& signal);
 
+// Sets Adobe RGB (1998), which Exif names.
+void set_adobe_rgb(Signal& signal);
+
 // The light of an HLG display, whose peak is in nit. Its primaries weigh the luminance.
 class HlgDisplay {
  public:
@@ -85,6 +88,7 @@ class SignalDecoder {
   std::vector<float> light_;
   size_t channel_step_ = 0;
   bool own_values_, coded_;
+  bool drops_table_ = false;  // the profile's, because the choice overrules it
   double hlg_peak_;
   bool assumes_primaries_ = false;  // Rec.2020, because the file names none
   std::optional<HlgDisplay> hlg_;

@@ -496,6 +496,8 @@ TEST(IccProfile, TheUsersWordsCountBefore) {
   const std::string table = png(kGreyPatch, 3, 8, iccp(rgb_table()));
   EXPECT_EQ(signal_of(table, linear), "8 bits, linear, assumed");
   EXPECT_EQ(signal_of(table, own), "8 bits, sRGB, assumed");
+  EXPECT_TRUE(
+      says(read_signal(table, own)->notes.front(), "its ICC profile is not used, because --input-tr"));
   ASSERT_OK_AND_ASSIGN(const Image codes, read_signal(table, {.own_values = true, .keeps_signal = true}));
   EXPECT_NEAR(light_at(codes, 0, 1), 128 / 255.0, 1e-6);
 }

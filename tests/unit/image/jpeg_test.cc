@@ -29,6 +29,7 @@
 #include "server/encode/picture.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
+#include "tests/unit/image/png.h"
 
 namespace candela {
 namespace {
@@ -395,22 +396,30 @@ TEST(JpegReader, ItsProfileNamesThePrimaries) {
 }
 
 // DCF: a camera's Adobe RGB has no colour space of Exif, and the rule R03.
-TEST(JpegReader, ExifNamesAdobeRgb) {
+TEST(JpegReader, ExifNamesAdobeRgbAlsoInAPng) {
   const std::string base = jpeg_of(8, 8, flat(90), {100, EncodedTransfer::kUnknown});
-  const auto with_exif = [&](const std::string& space, const std::string& rule) {
-    // Directories of one and two tags at 8, 26 and 56.
-    std::string exif("Exif\0\0MM\0\x2a\0\0\0\x08\0\1\x87\x69\0\4\0\0\0\1\0\0\0\x1a\0\0\0\0", 32);
-    exif += std::string("\0\2\xa0\1\0\3\0\0\0\1", 10) + space + std::string(2, '\0');
-    exif += std::string("\xa0\5\0\4\0\0\0\1\0\0\0\x38\0\0\0\0", 16);
-    exif += std::string("\0\1\0\1\0\2\0\0\0\4", 10) + rule + std::string(5, '\0');
-    return with(base, jpeg_segment(0xe1, exif));
+  const auto exif_of = [](const std::string& space, const std::string& rule) {
+    // Directories of one, two and one tags at 8, 26 and 56.
+    return std::string("MM\0\x2a\0\0\0\x08\0\1\x87\x69\0\4\0\0\0\1\0\0\0\x1a\0\0\0\0", 26) +
+           std::string("\0\2\xa0\1\0\3\0\0\0\1", 10) + space + std::string(2, '\0') +
+           std::string("\xa0\5\0\4\0\0\0\1\0\0\0\x38\0\0\0\0", 16) + std::string("\0\1\0\1\0\2\0\0\0\4", 10) +
+           rule + std::string(5, '\0');
   };
-  ASSERT_OK_AND_ASSIGN(const Image adobe, read_jpeg_bytes(with_exif("\xff\xff", "R03")));
-  EXPECT_EQ(adobe.signal, "8 bits, gamma 2.2, from Exif");
-  EXPECT_EQ(*adobe.chromaticities, kAdobeRgb.xy);
-  EXPECT_NEAR(component(adobe, 0, 0, 0), std::pow(90 / 255.0, 563 / 256.0), 1e-6);
-  for (const std::string& other : {with_exif("\xff\xff", "R98"), with_exif(std::string("\0\1", 2), "R03")}) {
-    EXPECT_EQ(read_jpeg_bytes(other)->signal, "8 bits, sRGB, assumed");
+  const auto in_jpeg = [&](const std::string& exif) {
+    return with(base, jpeg_segment(0xe1, std::string("Exif\0\0", 6) + exif));
+  };
+  const std::string adobe = exif_of("\xff\xff", "R03");
+  for (const std::string& file : {in_jpeg(adobe), png_of(1, 8, 0, "\x5a", chunk("eXIf", adobe))}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file));
+    EXPECT_EQ(image.signal, "8 bits, gamma 2.2, from Exif");
+    EXPECT_EQ(*image.chromaticities, kAdobeRgb.xy);
+    EXPECT_NEAR(component(image, 0, 0, 0), std::pow(90 / 255.0, 563 / 256.0), 1e-6);
+  }
+  for (const std::string& other : {exif_of("\xff\xff", "R98"), exif_of(std::string("\0\1", 2), "R03")}) {
+    EXPECT_EQ(read_jpeg_bytes(in_jpeg(other))->signal, "8 bits, sRGB, assumed");
+  }
+  for (size_t size = 0; size < adobe.size() - 8; ++size) {
+    EXPECT_EQ(read_jpeg_bytes(in_jpeg(adobe.substr(0, size)))->signal, "8 bits, sRGB, assumed") << size;
   }
 }
 
