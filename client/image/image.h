@@ -129,8 +129,19 @@ struct ImageLimits {
 // top one of a PHM file, as ffmpeg writes it. ffmpeg writes PFM files from the top, too.
 enum class RowOrder { kByKind, kTop, kBottom };
 
-// The function from a file's codes to light. kGamma is the power 2.2.
-enum class SignalTransfer { kLinear, kSrgb, kGamma, kPq, kHlg };
+// The function from a file's codes to light.
+enum class SignalTransfer {
+  kLinear,
+  kSrgb,
+  kGamma,  // a power
+  kPq,
+  kHlg,
+  kSmpte240,  // the camera of SMPTE ST 240
+  kLog100,    // H.273's logarithms, of two and of two and a half decades
+  kLog316,
+  kCinema,  // SMPTE ST 428-1
+  kProfile  // an ICC profile's own; no choice
+};
 
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the
 // picture whose name says best that it is the one to show.
@@ -149,6 +160,11 @@ struct PictureChoice {
   // In place of the one that the file names. Absent: the one that it names, else sRGB of a PNG, AVIF or JPEG
   // file, and of others none: their values are light.
   std::optional<SignalTransfer> transfer{};
+  double gamma = 2.2;  // of the transfer kGamma
+  // In place of what an AVIF or a y4m says of its luma, and of its range, which a PNG may say, too. The
+  // matrix is H.273's number.
+  std::optional<int> matrix{};
+  std::optional<bool> full_range{};
   // The primaries that the user names, which give an HLG signal its luminance. Absent: the file's own.
   std::optional<std::array<float, 8>> primaries{};
   double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000

@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <string>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "server/base/status_macros.h"
 #include "server/encode/gain_map.h"
@@ -37,6 +38,14 @@ size_t scan_end(absl::string_view file, size_t at) {
 }
 
 }  // namespace
+
+std::optional<absl::string_view> JpegSegments::named(uint8_t marker, absl::string_view name) const {
+  for (const JpegSegment& segment : before_scans) {
+    if (segment.marker == marker && absl::StartsWith(segment.body, name))
+      return segment.body.substr(name.size());
+  }
+  return std::nullopt;
+}
 
 absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file) {
   if (file.size() < 4 || byte_at(file, 0) != 0xff || byte_at(file, 1) != kStart) {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,7 @@ absl::Status encode_jpeg_codes(const JpegCodes& codes, int quality, const std::s
 // The segments of a JPEG file. Source: ITU-T T.81, annex B.
 
 inline constexpr uint8_t kApp0 = 0xe0, kApp1 = 0xe1, kApp2 = 0xe2;
+inline constexpr absl::string_view kExifName{"Exif\0\0", 6};  // begins the body of an APP1
 
 struct JpegSegment {
   uint8_t marker = 0;      // its second byte, such as kApp1
@@ -47,6 +49,9 @@ struct JpegSegments {
   std::vector<JpegSegment> before_scans;  // in the file's order
   size_t after_head = 0;                  // where the first segment that is neither APP0 nor APP1 begins
   size_t end = 0;                         // where the picture ends; 0: its end is missing
+
+  // The body of the first segment before the scans that begins with `name`, without it.
+  std::optional<absl::string_view> named(uint8_t marker, absl::string_view name) const;
 };
 
 // Finds the segments of the picture that begins with the first byte. The result points into `file`. What is

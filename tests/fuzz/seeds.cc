@@ -7,10 +7,12 @@
 #include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfTileDescription.h>
+#include <zlib.h>
 
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -22,6 +24,7 @@
 #include "tests/fuzz/wire_input.h"
 #include "tests/support/files.h"
 #include "tests/unit/image/image_support.h"
+#include "tests/unit/image/png.h"
 
 namespace candela {
 namespace {
@@ -127,15 +130,96 @@ void write_png(const std::string& folder) {
   (void)write_image(folder + "/pq.png", image, {.transfer = EncodedTransfer::kPq});
 }
 
+// A profile for R, G and B, or what `space` names, that claims what its bytes do not hold.
+std::string profile_of(const std::string& space,
+                       const std::vector<std::pair<std::string, std::string>>& tags) {
+  std::string table = big_endian(static_cast<uint32_t>(tags.size())), bodies;
+  const size_t first = 128 + 4 + 12 * tags.size();
+  for (const auto& [name, body] : tags) {
+    absl::StrAppend(&table, name, big_endian(static_cast<uint32_t>(first + bodies.size())),
+                    big_endian(static_cast<uint32_t>(body.size())));
+    absl::StrAppend(&bodies, body, std::string(-body.size() % 4, '\0'));
+  }
+  std::string head = big_endian(static_cast<uint32_t>(first + bodies.size())) + std::string(4, '\0') +
+                     std::string("\2\x40\0\0", 4) + "mntr" + space + "XYZ " + std::string(12, '\0') + "acsp";
+  head.resize(128);
+  return head + table + bodies;
+}
+
+// Profiles of every kind of tag that is read: good ones, huge counts, tags of another type, and truncated.
+std::vector<std::string> hostile_profiles() {
+  const std::string zeros(4, '\0'), one = big_endian(65536);
+  const std::string colorant = "XYZ " + zeros + one + one + one;
+  const auto curve = [&](uint32_t count) { return "curv" + zeros + big_endian(count) + "\1\2\3\4\5\6"; };
+  const std::string parametric =
+      "para" + zeros + std::string("\0\4\0\0", 4) + one + one + one + one + one + one + one;
+  const auto matrix = [&](const std::string& red, const std::string& trc) {
+    return profile_of("RGB ", {{"rXYZ", red},
+                               {"gXYZ", colorant},
+                               {"bXYZ", colorant},
+                               {"rTRC", trc},
+                               {"gTRC", curve(1)},
+                               {"bTRC", parametric}});
+  };
+  const auto table = [&](const char* kind, char in, char points) {
+    return kind + zeros + in + "\3" + points + std::string(37, '\0') + std::string("\0\2\0\2", 4) +
+           std::string(200, '7');
+  };
+  std::vector<std::string> all = {
+      matrix(colorant, curve(3)),
+      matrix(colorant, curve(0xffffffff)),
+      matrix(curve(2), colorant),
+      profile_of("GRAY", {{"kTRC", parametric}}),
+      profile_of("RGB ", {{"cicp", "cicp" + zeros + std::string("\x09\x10\0\1", 4)}}),
+      profile_of("RGB ", {{"A2B0", table("mft2", 3, 2)}}),
+      profile_of("RGB ", {{"A2B0", table("mft1", 3, '\xff')}}),
+      profile_of("CMYK", {{"A2B0", table("mft2", 4, '\xff')}}),
+      profile_of("RGB ",
+                 {{"A2B0", "mAB " + zeros + std::string("\3\3\0\0", 4) + big_endian(32) + big_endian(0) +
+                               big_endian(32) + big_endian(32) + big_endian(32) + parametric}}),
+      profile_of("RGB ",
+                 {{"D2B0", "mpet" + zeros + std::string("\0\3\0\3", 4) + big_endian(0x1000000) + zeros}}),
+      profile_of("9CLR", {{"A2B0", table("mft2", 9, '\xff')}}),
+  };
+  all.push_back(all[0].substr(0, 180));
+  // All of its tags are one, and lie in the table of tags.
+  std::string odd = all[0];
+  for (size_t tag = 0; tag < 6; ++tag) odd.replace(132 + 12 * tag + 4, 4, big_endian(128));
+  all.push_back(odd);
+  return all;
+}
+
+// A JPEG and a PNG with each of them.
+void write_profiles(const std::string& folder, const std::string& jpeg) {
+  int number = 0;
+  for (const std::string& profile : hostile_profiles()) {
+    const auto size = static_cast<uint32_t>(profile.size());
+    const std::string part = std::string("\xff\xe2", 2) + big_endian(size + 16).substr(2) +
+                             std::string("ICC_PROFILE\0\1\1", 14) + profile;
+    write_file(absl::StrCat(folder, "/profile_", number, ".jpg"), jpeg.substr(0, 2) + part + jpeg.substr(2));
+    std::string packed(compressBound(size), '\0');
+    uLongf packed_size = packed.size();
+    (void)compress(reinterpret_cast<Bytef*>(packed.data()), &packed_size,
+                   reinterpret_cast<const Bytef*>(profile.data()), size);
+    const std::string iccp = chunk("iCCP", std::string("p\0\0", 3) + packed.substr(0, packed_size));
+    write_file(absl::StrCat(folder, "/profile_", number++, ".png"), png_of(1, 8, 2, "abc", iccp));
+  }
+}
+
 // A picture turned by Exif, with a map of half its size.
 void write_jpeg(const std::string& folder) {
   const std::vector<std::byte> codes(size_t{4} * 16 * 16, std::byte{90});
-  std::string base;
-  (void)encode_jpeg({.width = 16, .height = 16, .rows = codes.data(), .row_stride_bytes = 64}, {},
-                    [&base](const void* bytes, size_t count) {
-                      base.append(static_cast<const char*>(bytes), count);
-                      return true;
-                    });
+  const auto jpeg = [&codes](const JpegOptions& options) {
+    std::string file;
+    (void)encode_jpeg({.width = 16, .height = 16, .rows = codes.data(), .row_stride_bytes = 64}, options,
+                      [&file](const void* bytes, size_t count) {
+                        file.append(static_cast<const char*>(bytes), count);
+                        return true;
+                      });
+    return file;
+  };
+  write_profiles(folder, jpeg({.transfer = EncodedTransfer::kUnknown}));
+  std::string base = jpeg({});
   const std::string exif(
       "\xff\xe1\0\x22"
       "Exif\0\0MM\0\x2a\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1\0\6\0\0\0\0\0\0",

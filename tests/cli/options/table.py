@@ -2,7 +2,7 @@
 import json
 
 from checks import (FFMPEG, GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, device, each_word, elsewhere,
-                    encodings, executor, films, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
+                    encodings, executor, films, guarded, json_of, late, named, needs, one_file, pipe_matrices, pipes, plural, public, quick_report, quiet, refuses,
                     shows, sizes, waits)
 
 INPUT = {  # of render, contact, stream, meter, view and environment
@@ -14,6 +14,10 @@ INPUT = {  # of render, contact, stream, meter, view and environment
                                 f"{c} rows.0001.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--input-transfer": lambda c: changes("--input-transfer linear", "--spot 0,0,8,1" if c == "meter" else "",
                                           f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
+    "--input-matrix": lambda c: changes("--input-matrix bt601", "--spot 0,0,8,1" if c == "meter" else "",
+                                        f"{c} matrix.0001.avif {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
+    "--input-range": lambda c: changes("--input-range limited", "--spot 0,0,8,1" if c == "meter" else "",
+                                       f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--hlg-peak": lambda c: changes("--hlg-peak 400", "--spot 0,0,8,1" if c == "meter" else "",
                                     f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
@@ -184,6 +188,7 @@ STREAMED = {  # of stream alone
     "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
     "--encoding": lambda c: encodings,
     "--pipe": lambda c: pipes,
+    "--pipe-matrix": lambda c: pipe_matrices,
     "--codec": lambda c: both(films, refuses("--codec divx", "stream film OUT/o.mp4 -q {}", "divx"),
                               refuses("--codec h264", LINES["stream"], "--codec h264 is for films")),
     "--verbose": lambda c: shows("stream film OUT/o.mp4 -v --server PLAIN" if FFMPEG else "stream film OUT/%04d.png -v --server PLAIN",
