@@ -2,7 +2,9 @@
 
 #include <half.h>
 
+#include <cmath>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -15,6 +17,16 @@
 #include "server/base/status_macros.h"
 
 namespace candela {
+
+std::optional<FrameRate> film_rate(double frames_a_second) {
+  constexpr double kRounding = 0.005;
+  for (const uint64_t whole : {24, 30, 48, 60, 120}) {
+    const FrameRate rate{whole * 1000, 1001};
+    const double exact = static_cast<double>(rate.frames) / static_cast<double>(rate.seconds);
+    if (std::fabs(frames_a_second - exact) <= kRounding) return rate;
+  }
+  return std::nullopt;
+}
 
 const char* name(ImageFormat format) {
   switch (format) {

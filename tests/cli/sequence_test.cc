@@ -716,6 +716,8 @@ TEST_F(FieldFrames, ARateIsReadInAnyCaseAndType) {
            {"FRAMESPERSECOND", std::make_shared<Imf::FloatAttribute>(12.5f), "12.5"},
            {"framesPerSecond", std::make_shared<Imf::DoubleAttribute>(59.94), "60000/1001"},
            {"FramesPerSecond", std::make_shared<Imf::IntAttribute>(48), "48"},
+           {"framesPerSecond", text("23.98"), "24000/1001"},
+           {"framesPerSecond", std::make_shared<Imf::FloatAttribute>(119.88f), "120000/1001"},
            {"FramesPerSecond", text("25"), "25"},
            {"FramesPerSecond", text("24000/1001"), "24000/1001"},
            {"framesPerSecond", text(" 29.97 "), "30000/1001"},

@@ -101,7 +101,7 @@ TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
   for (const auto& [text, rate] : std::vector<std::pair<std::string, FrameRate>>{{"24", {24, 1}},
                                                                                  {"24000/1001", kFilm},
                                                                                  {"48/2", {24, 1}},
-                                                                                 {"23.976", {2997, 125}},
+                                                                                 {"2997/125", {2997, 125}},
                                                                                  {"0.001", {1, 1000}},
                                                                                  {"100000", {100000, 1}}}) {
     ASSERT_OK_AND_ASSIGN(const auto parsed, parse_frame_rate("--fps", text));
@@ -112,6 +112,20 @@ TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
                            "100001", "1/1001", "0.0009", "99999999999999/99999999999999"}) {
     EXPECT_TRUE(is_usage_error(parse_frame_rate("--fps", text).status())) << text;
   }
+}
+
+// As OpenEXR files' numbers are.
+TEST(FrameNumbers, ADecimalNumberNearAFilmRateIsThatRate) {
+  for (const auto& [text, frames] : std::vector<std::pair<std::string, uint64_t>>{{"23.976", 24000},
+                                                                                  {"23.98", 24000},
+                                                                                  {"23.97602398", 24000},
+                                                                                  {"29.97", 30000},
+                                                                                  {"47.952", 48000},
+                                                                                  {"59.94", 60000},
+                                                                                  {"119.88", 120000}}) {
+    EXPECT_EQ(*parse_frame_rate("--fps", text), (FrameRate{frames, 1001})) << text;
+  }
+  EXPECT_EQ(*parse_frame_rate("--fps", "23.95"), (FrameRate{479, 20})) << "near none";
 }
 
 // A whole number of nanoseconds is right if it is within half of one of the exact time.
