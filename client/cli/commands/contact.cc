@@ -68,6 +68,7 @@ void add_contact_options(CLI::App& app, ContactArguments& arguments) {
                                  extensions_with(&OutputEncoding::takes_8_bits), kSheetCell))
       ->required()
       ->option_text(" ");
+  add_only_option(app, options.only);
   add_choice_options(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
@@ -295,7 +296,7 @@ std::string words_below(const std::string& input, const RenderReport& report) {
 }
 
 absl::Status run_contact(const ContactOptions& options, JsonOutput& json) {
-  ASSIGN_OR_RETURN(const FoundFiles files, render_inputs(options.inputs));
+  ASSIGN_OR_RETURN(const FoundFiles files, files_of_inputs(options.inputs, options.only, options.output));
   std::vector<RenderJob> jobs;
   for (const std::string& path : files.paths) jobs.push_back({path, options.output});
   std::vector<std::string> inputs = files_of(options.server);
@@ -307,7 +308,7 @@ absl::Status run_contact(const ContactOptions& options, JsonOutput& json) {
   RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  if (!files.hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(files.hidden));
+  if (!options.quiet) print_left_out(files.left_out);
   RunDisplay display(options.quiet, json, progress);
   Run run(options, display);
   RETURN_IF_ERROR(run.read_exposure());

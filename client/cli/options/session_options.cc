@@ -128,6 +128,7 @@ void add_timeout_option(CLI::App& app, const std::string& section, absl::Duratio
 }
 
 void add_session_options(CLI::App& app, StreamOptions& options) {
+  add_only_option(app, options.sequence.only);
   add_sequence_options(app, kSequenceSection, options.sequence);
   add_lookahead_option(app, kSession, options.lookahead);
   add_cuts(app, options.cut_threshold_ev);
