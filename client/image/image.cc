@@ -2,7 +2,9 @@
 
 #include <half.h>
 
+#include <cmath>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -15,6 +17,16 @@
 #include "server/base/status_macros.h"
 
 namespace candela {
+
+std::optional<FrameRate> film_rate(double frames_a_second) {
+  constexpr double kRounding = 0.005;
+  for (const uint64_t whole : {24, 30, 48, 60, 120}) {
+    const FrameRate rate{whole * 1000, 1001};
+    const double exact = static_cast<double>(rate.frames) / static_cast<double>(rate.seconds);
+    if (std::fabs(frames_a_second - exact) <= kRounding) return rate;
+  }
+  return std::nullopt;
+}
 
 const char* name(ImageFormat format) {
   switch (format) {
@@ -139,12 +151,12 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
   return image;
 }
 
-absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const ImageLimits& limits) {
-  ASSIGN_OR_RETURN(FileReader file, FileReader::open(path));
-  ASSIGN_OR_RETURN(const FileKind kind, file_kind(file));
-  if (kind == FileKind::kExr) return describe_exr(file, limits);
+absl::StatusOr<FileFacts> describe_any_image(absl::StatusOr<FileReader> file, const ImageLimits& limits) {
+  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
+  if (kind == FileKind::kExr) return describe_exr(*file, limits);
 
-  ASSIGN_OR_RETURN(const Image image, read_picture(kind, file, limits, {}));
+  ASSIGN_OR_RETURN(const Image image, read_picture(kind, *file, limits, {}));
   const WindowFacts window{0, 0, int64_t{image.width} - 1, int64_t{image.height} - 1};
   PartFacts part{.storage = image.signal.empty() ? "scan lines" : image.signal,
                  .display = window,
@@ -176,9 +188,16 @@ absl::StatusOr<Image> read_image_bytes(const std::string& name, std::string byte
 }
 
 absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits) {
-  absl::StatusOr<FileFacts> facts = describe_any_image(path, limits);
+  absl::StatusOr<FileFacts> facts = describe_any_image(FileReader::open(path), limits);
   if (facts.ok()) return facts;
   return input_failure(facts.status(), path);
+}
+
+absl::StatusOr<FileFacts> describe_image_bytes(const std::string& name, std::string bytes,
+                                               const ImageLimits& limits) {
+  absl::StatusOr<FileFacts> facts = describe_any_image(FileReader::of(name, std::move(bytes)), limits);
+  if (facts.ok()) return facts;
+  return input_failure(facts.status(), name);
 }
 
 }  // namespace candela

@@ -32,6 +32,10 @@ struct FrameRate {
   bool operator==(const FrameRate& other) const = default;
 };
 
+// The film rate that a decimal number stands for: N * 1000/1001 for N of 24, 30, 48, 60 and 120, of which it
+// is one rounded to two decimals or more. 23.976 and 23.98 are 24000/1001. Nothing for all others.
+std::optional<FrameRate> film_rate(double frames_a_second);
+
 // The bytes of an image.
 //
 // Move-only; not thread-safe. A buffer that could not be allocated has size() 0.

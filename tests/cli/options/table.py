@@ -28,6 +28,10 @@ INPUT = {  # of render, contact, stream, meter, view and environment
     "--max-pixels": lambda c: needs("--max-pixels 100000000", "--max-pixels 5", words="--max-pixels allows 5"),
     "--exr-view": lambda c: changes("--exr-view right", line=one_file(c, "views")),
 }
+CHOSEN = {  # of render, contact, stream, meter and info
+    "--only": lambda c: both(needs("--only png,exr", "--only png,hdr", words=".png", line="info scene.exr {}" if c == "info" else ""),
+                             refuses("--only a/b", words="--only")),
+}
 METERED = {  # of render, stream, meter and view
     "--white-balance": lambda c: changes("--white-balance 3200"),
     "--tint": lambda c: changes("--tint 0.5", "--white-balance 5000"),
@@ -233,6 +237,7 @@ def table(command: str) -> dict:
     """The checks of a command by option."""
     rows = {}
     for group, commands in ((INPUT, ("render", "contact", "stream", "meter", "view", "environment")),
+                            (CHOSEN, ("render", "contact", "stream", "meter", "info")),
                             (METERED, ("render", "contact", "stream", "meter", "view")), (OVER, ("render", "contact", "stream", "meter")),
                             (BEHIND, ("render", "contact", "stream")), (SQUEEZED, ("render", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
                             (CODED, ("render", "stream", "view")),
