@@ -103,6 +103,8 @@ const char* words_of(FileKind kind) {
       return "AVIF";
     case FileKind::kJpeg:
       return "JPEG";
+    case FileKind::kTiff:
+      return "TIFF";
   }
   return "?";
 }
@@ -119,6 +121,8 @@ absl::StatusOr<Image> read_picture(FileKind kind, FileReader& file, const ImageL
       return read_avif(file, limits, choice);
     case FileKind::kJpeg:
       return read_jpeg(file, limits, choice);
+    case FileKind::kTiff:
+      return read_tiff(file, limits, choice);
     default:
       return read_pfm(file, limits, choice);
   }
@@ -128,7 +132,6 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
                                      const PictureChoice& choice) {
   if (!file.ok()) return file.status();
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
-  const bool has_signal = kind == FileKind::kPng || kind == FileKind::kAvif || kind == FileKind::kJpeg;
   if (kind != FileKind::kExr && !choice.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture",
@@ -141,7 +144,7 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
     image->chromaticities.reset();
     image->names_primaries = false;
   }
-  const bool decodes = !has_signal && decodes_values(choice);
+  const bool decodes = image->signal.empty() && decodes_values(choice);
   if (choice.as_floats || decodes) {
     RETURN_IF_ERROR(
         check_image_size(file->path(), "image", image->width, image->height, ImageFormat::kRgba32f, limits));
