@@ -100,6 +100,7 @@ struct SessionRunOptions : RunOptions {
 
 struct RenderOptions : RunOptions {
   std::vector<std::string> inputs;  // files, and quoted patterns and folders; or "-", standard input
+  std::vector<std::string> only;    // see find_frames()
   std::string output;               // a file, a folder, or "-", standard output
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none

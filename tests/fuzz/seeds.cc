@@ -7,6 +7,7 @@
 #include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfTileDescription.h>
+#include <tiffio.h>
 #include <zlib.h>
 
 #include <cstdint>
@@ -234,6 +235,65 @@ void write_jpeg(const std::string& folder) {
   }
 }
 
+// Of each way to store samples one.
+void write_tiff(const std::string& folder) {
+  struct Kind {
+    const char* name;
+    const char* mode;
+    uint16_t bits, samples, format, photometric, planes, compression;
+    bool tiled;
+  };
+  constexpr uint16_t kUint = SAMPLEFORMAT_UINT, kFloat = SAMPLEFORMAT_IEEEFP;
+  constexpr uint16_t kTogether = PLANARCONFIG_CONTIG, kApart = PLANARCONFIG_SEPARATE;
+  for (const Kind& kind :
+       {Kind{"plain", "wl", 8, 3, kUint, PHOTOMETRIC_RGB, kTogether, COMPRESSION_NONE, false},
+        Kind{"tiles", "wb", 16, 4, kUint, PHOTOMETRIC_RGB, kApart, COMPRESSION_LZW, true},
+        Kind{"floats", "wl8", 32, 3, kFloat, PHOTOMETRIC_RGB, kTogether, COMPRESSION_ADOBE_DEFLATE, false},
+        Kind{"halves", "wl", 16, 1, kFloat, PHOTOMETRIC_MINISBLACK, kTogether, COMPRESSION_ZSTD, true},
+        Kind{"palette", "wl", 4, 1, kUint, PHOTOMETRIC_PALETTE, kTogether, COMPRESSION_PACKBITS, false},
+        Kind{"inks", "wl", 8, 5, kUint, PHOTOMETRIC_SEPARATED, kTogether, COMPRESSION_LZW, false},
+        Kind{"webp", "wl", 8, 3, kUint, PHOTOMETRIC_RGB, kTogether, COMPRESSION_WEBP, false},
+        Kind{"fax", "wl", 1, 1, kUint, PHOTOMETRIC_MINISWHITE, kTogether, COMPRESSION_CCITTFAX4, false},
+        Kind{"jpeg", "wl", 8, 3, kUint, PHOTOMETRIC_YCBCR, kTogether, COMPRESSION_JPEG, true},
+        Kind{"log", "wl", 32, 3, kFloat, PHOTOMETRIC_LOGLUV, kTogether, COMPRESSION_SGILOG, false},
+        Kind{"ycbcr", "wl", 8, 3, kUint, PHOTOMETRIC_YCBCR, kTogether, COMPRESSION_NONE, false}}) {
+    TIFF* const tiff = TIFFOpen(absl::StrCat(folder, "/", kind.name, ".tif").c_str(), kind.mode);
+    TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 20);
+    TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 12);
+    TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, kind.samples);
+    TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, kind.photometric);
+    TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, kind.planes);
+    TIFFSetField(tiff, TIFFTAG_COMPRESSION, kind.compression);
+    TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, kind.bits);
+    TIFFSetField(tiff, TIFFTAG_SAMPLEFORMAT, kind.format);
+    TIFFSetField(tiff, TIFFTAG_ORIENTATION, ORIENTATION_RIGHTTOP);
+    const std::vector<uint16_t> colors(16, 40000), alpha = {EXTRASAMPLE_ASSOCALPHA};
+    if (kind.photometric == PHOTOMETRIC_PALETTE) {
+      TIFFSetField(tiff, TIFFTAG_COLORMAP, colors.data(), colors.data(), colors.data());
+    }
+    if (kind.samples > 3) TIFFSetField(tiff, TIFFTAG_EXTRASAMPLES, 1, alpha.data());
+    if (kind.compression == COMPRESSION_SGILOG) {
+      TIFFSetField(tiff, TIFFTAG_SGILOGDATAFMT, SGILOGDATAFMT_FLOAT);
+    }
+    if (kind.tiled) {
+      TIFFSetField(tiff, TIFFTAG_TILEWIDTH, 16);
+      TIFFSetField(tiff, TIFFTAG_TILELENGTH, 16);
+    } else {
+      TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 4);
+    }
+    std::vector<uint8_t> codes(static_cast<size_t>(kind.tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff)),
+                               60);
+    const uint32_t pieces = kind.tiled ? TIFFNumberOfTiles(tiff) : TIFFNumberOfStrips(tiff);
+    const auto bytes = static_cast<tmsize_t>(codes.size());
+    for (uint32_t i = 0; i < pieces; ++i) {
+      (void)(kind.tiled ? TIFFWriteEncodedTile : TIFFWriteEncodedStrip)(tiff, i, codes.data(), bytes);
+    }
+    TIFFClose(tiff);
+  }
+  Image image = *make_image(5, 3, ImageFormat::kRgba16);
+  (void)write_image(folder + "/profile.tif", image);
+}
+
 void write_y4m(const std::string& folder) {
   struct Kind {
     const char* name;
@@ -258,6 +318,7 @@ void write_image_seeds(const std::string& folder) {
   write_jpeg(folder);
   write_pfm(folder);
   write_y4m(folder);
+  write_tiff(folder);
 }
 
 namespace {

@@ -14,6 +14,7 @@
 #include "client/base/number_words.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/render_batch.h"
 #include "client/cli/json_output.h"
 #include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_kinds.h"
@@ -25,6 +26,7 @@
 #include "client/cli/run_display.h"
 #include "client/cli/stream_report.h"
 #include "client/cli/terminal.h"
+#include "client/image/read_formats.h"
 #include "client/run/options.h"
 #include "client/run/output_files.h"
 #include "client/run/picture_frame.h"
@@ -38,9 +40,9 @@ namespace {
 // Defines the options; parsing fills `options`, which outlives the app.
 void add_meter_options(CLI::App& app, MeterOptions& options) {
   app.add_option("IN", options.sequence.inputs,
-                 "An image to meter: OpenEXR, Radiance .hdr, PFM, PNG, AVIF or JPEG; or a sequence, as "
-                 "`candela stream` takes it: a "
-                 "folder, files, 'in/*.exr', in/%04d.exr or in/####.exr")
+                 absl::StrFormat("An image to meter: %s; or a sequence, as `candela stream` takes it: a "
+                                 "folder, files, 'in/*.exr', in/%%04d.exr or in/####.exr",
+                                 read_format_names()))
       ->required()
       ->option_text(" ");
   add_session_options(app, options);
@@ -215,6 +217,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
 
 absl::Status run_meter(const MeterOptions& options, JsonOutput& json) {
   if (!is_single_image(options)) return run_stream(options, json);
+  RETURN_IF_ERROR(files_of_inputs(options.sequence.inputs, options.sequence.only).status());
   return about_input(meter_image(options, json), options.sequence.inputs.front());
 }
 

@@ -166,6 +166,7 @@ absl::Status check_stdin_options(const StreamOptions& options) {
   if (!options.sequence.range.empty()) {
     return usage_error("--range chooses among files; IN is \"-\", of which every frame is taken");
   }
+  if (!options.sequence.only.empty()) return usage_error("--only chooses among files; IN is \"-\"");
   if (options.sequence.missing != MissingFrames::kError) {
     return usage_error("--missing is about numbers of files; IN is \"-\", where no frame is missing");
   }

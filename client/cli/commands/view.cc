@@ -114,7 +114,8 @@ void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
              return frames.status();
            });
   add_text(app, kMove, "--fps", "FPS",
-           absl::StrFormat("Frames a second of media time, such as 25 or 24000/1001; %s (default 24)",
+           absl::StrFormat("Frames a second of media time, such as 25, 24000/1001 or 23.976, which is the "
+                           "same; %s (default 24)",
                            format_range(kFps)),
            [&options](const std::string& text) {
              const absl::StatusOr<FrameRate> rate = parse_frame_rate("--fps", text);

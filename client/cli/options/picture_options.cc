@@ -513,6 +513,23 @@ void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
            });
 }
 
+void add_only_option(CLI::App& app, std::vector<std::string>& extensions) {
+  add_text(app, kInputSection, "--only", "EXT,EXT,...",
+           "Take only files with these extensions, such as exr or jpg,jpeg; what else IN names is left out",
+           [&extensions](const std::string& text) {
+             extensions.clear();
+             for (const absl::string_view word : absl::StrSplit(absl::AsciiStrToLower(text), ',')) {
+               const absl::string_view name = absl::StripPrefix(word, ".");
+               if (name.empty() || !absl::c_all_of(name, absl::ascii_isalnum)) {
+                 return usage_error(absl::StrFormat(
+                     "--only is \"%s\"; give extensions with commas between them, such as exr,png", text));
+               }
+               extensions.push_back(absl::StrCat(".", name));
+             }
+             return absl::OkStatus();
+           });
+}
+
 void add_image_options(CLI::App& app, PictureArguments& arguments, bool with_film) {
   const std::string bits = absl::StrFormat("Bits per component of a %s%s (default 8)",
                                            extensions_with(&OutputEncoding::has_16_bits),

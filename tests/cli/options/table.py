@@ -32,6 +32,10 @@ FINISHED = {  # of render, contact, stream, meter and view
     "--scene-light": lambda c: changes("--scene-light", "--spot 0,0,8,1" if c == "meter" else "",
                                        f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
 }
+CHOSEN = {  # of render, contact, stream, meter and info
+    "--only": lambda c: both(needs("--only png,exr", "--only png,hdr", words=".png", line="info scene.exr {}" if c == "info" else ""),
+                             refuses("--only a/b", words="--only")),
+}
 METERED = {  # of render, stream, meter and view
     "--white-balance": lambda c: changes("--white-balance 3200"),
     "--tint": lambda c: changes("--tint 0.5", "--white-balance 5000"),
@@ -238,6 +242,7 @@ def table(command: str) -> dict:
     rows = {}
     for group, commands in ((INPUT, ("render", "contact", "stream", "meter", "view", "environment")),
                             (FINISHED, ("render", "contact", "stream", "meter", "view")),
+                            (CHOSEN, ("render", "contact", "stream", "meter", "info")),
                             (METERED, ("render", "contact", "stream", "meter", "view")), (OVER, ("render", "contact", "stream", "meter")),
                             (BEHIND, ("render", "contact", "stream")), (SQUEEZED, ("render", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
                             (CODED, ("render", "stream", "view")),
