@@ -1,5 +1,8 @@
 #include "client/image/read/exif.h"
 
+#include <algorithm>
+#include <cstring>
+
 #include "absl/strings/match.h"
 
 namespace candela {
@@ -19,7 +22,10 @@ std::optional<uint32_t> TiffBytes::number(size_t at, size_t size) const {
 }
 
 std::optional<TiffBytes::Tag> TiffBytes::tag(uint32_t id) const {
-  const size_t directory = number_32(4).value_or(0);
+  return tag_in(number_32(4).value_or(0), id);
+}
+
+std::optional<TiffBytes::Tag> TiffBytes::tag_in(size_t directory, uint32_t id) const {
   const uint32_t count = number_16(directory).value_or(0);
   for (uint32_t i = 0; i < count; ++i) {
     const size_t at = directory + 2 + size_t{12} * i;
@@ -38,6 +44,39 @@ int orientation_of(absl::string_view exif) {
   if (!tag || tag->type != kShort) return 1;
   const uint32_t turn = bytes.number_16(tag->value_at).value_or(1);
   return turn >= 1 && turn <= 8 ? static_cast<int>(turn) : 1;
+}
+
+void Turned::put_row(std::span<const float> row, uint32_t y, Image& image) const {
+  const bool from_right = orientation_ == 2 || orientation_ == 3 || orientation_ == 6 || orientation_ == 7;
+  const bool from_below = orientation_ == 3 || orientation_ == 4 || orientation_ == 7 || orientation_ == 8;
+  for (uint32_t x = 0; x < width_; ++x) {
+    const uint32_t across = swaps() ? y : x, down = swaps() ? x : y;
+    const uint32_t to_x = from_right ? width() - 1 - across : across;
+    const uint32_t to_y = from_below ? height() - 1 - down : down;
+    std::memcpy(image.pixels.data() + to_y * image.row_bytes() + size_t{16} * to_x, &row[size_t{4} * x], 16);
+  }
+}
+
+std::optional<double> apple_number(absl::string_view exif, uint32_t id) {
+  constexpr uint32_t kExifDirectory = 0x8769, kMakerNote = 0x927c, kSignedFraction = 10;
+  constexpr absl::string_view kApple{"Apple iOS\0\0\1MM", 14};  // then the note's directory
+  const TiffBytes all(exif);
+  const std::optional<TiffBytes::Tag> directory = all.tag(kExifDirectory);
+  if (!directory) return std::nullopt;
+  const std::optional<TiffBytes::Tag> found =
+      all.tag_in(all.number_32(directory->value_at).value_or(0), kMakerNote);
+  if (!found) return std::nullopt;
+  const size_t at = std::min<size_t>(all.number_32(found->value_at).value_or(0), exif.size());
+  const absl::string_view bytes = exif.substr(at, found->count);
+  if (!absl::StartsWith(bytes, kApple)) return std::nullopt;
+  // Its places count from its own beginning.
+  const TiffBytes note(bytes, true);
+  const std::optional<TiffBytes::Tag> tag = note.tag_in(kApple.size(), id);
+  if (!tag || tag->type != kSignedFraction) return std::nullopt;
+  const size_t value_at = note.number_32(tag->value_at).value_or(0);
+  const std::optional<uint32_t> over = note.number_32(value_at), under = note.number_32(value_at + 4);
+  if (!over || !under || *under == 0) return std::nullopt;
+  return static_cast<double>(static_cast<int32_t>(*over)) / static_cast<int32_t>(*under);
 }
 
 }  // namespace candela
