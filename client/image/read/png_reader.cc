@@ -1,15 +1,19 @@
 // Reads PNG files by libpng: all of its kinds, as 16 bits of R, G, B and alpha.
 //
 // cICP says what the codes are, before iCCP, sRGB, and gAMA with cHRM; without any of them they are sRGB. An
-// eXIf orientation is not honoured.
+// eXIf before the pixels turns the picture. An ancillary chunk with a wrong checksum counts as missing.
 #include <png.h>
 
 #include <bit>
 #include <csetjmp>
 #include <cstring>
+#include <set>
+#include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "client/image/read/exif.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
@@ -40,9 +44,12 @@ class Png {
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
     png_set_chunk_malloc_max(png_, kMostChunkBytes);
     png_set_chunk_cache_max(png_, kMostChunks);
-    png_set_crc_action(png_, PNG_CRC_ERROR_QUIT, PNG_CRC_ERROR_QUIT);
+    png_set_crc_action(png_, PNG_CRC_ERROR_QUIT, PNG_CRC_WARN_DISCARD);
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_ALWAYS, reinterpret_cast<png_const_bytep>("cICP"), 1);
     png_read_info(png_, info_);
+    // libpng warns of these two and keeps them.
+    if (damaged_chunks_.contains("iCCP")) png_free_data(png_, info_, PNG_FREE_ICCP, -1);
+    if (damaged_chunks_.contains("cICP")) png_free_data(png_, info_, PNG_FREE_UNKN, -1);
     return true;
   }
   bool begin_rows() {
@@ -75,7 +82,15 @@ class Png {
     if (png_get_pHYs(png_, info_, &across, &down, &unit) == 0 || across == 0 || down == 0) return 0;
     return static_cast<double>(down) / across;
   }
+  int orientation() const {
+    png_uint_32 size = 0;
+    png_bytep bytes = nullptr;
+    if (png_get_eXIf_1(png_, info_, &size, &bytes) == 0) return 1;
+    return orientation_of({reinterpret_cast<const char*>(bytes), size});
+  }
   int passes() const { return passes_; }
+  // The names of chunks about the picture whose checksums are wrong.
+  const std::set<std::string>& damaged_chunks() const { return damaged_chunks_; }
   const char* error() const { return error_; }
   png_structp get() const { return png_; }
   png_infop info() const { return info_; }
@@ -86,7 +101,14 @@ class Png {
     std::strncpy(self.error_, message, sizeof self.error_ - 1);
     png_longjmp(png, 1);
   }
-  static void warn(png_structp, png_const_charp) {}
+  // The message begins with the chunk's name: "gAMA: CRC error". Texts and times say nothing of the picture.
+  static void warn(png_structp png, png_const_charp message) {
+    Png& self = *static_cast<Png*>(png_get_error_ptr(png));
+    if (!absl::StrContains(message, ": CRC error")) return;
+    for (const char* name : {"cHRM", "cICP", "eXIf", "gAMA", "iCCP", "pHYs", "sRGB", "tRNS"}) {
+      if (absl::StartsWith(message, name)) self.damaged_chunks_.insert(name);
+    }
+  }
   static void read(png_structp png, png_bytep to, size_t bytes) {
     Png& self = *static_cast<Png*>(png_get_io_ptr(png));
     if (!self.file_.read({reinterpret_cast<std::byte*>(to), bytes})) png_error(png, "the file is truncated");
@@ -97,6 +119,7 @@ class Png {
   png_infop info_ = nullptr;
   int passes_ = 1;
   char error_[128] = "libpng cannot start";
+  std::set<std::string> damaged_chunks_;
 };
 
 absl::Status damaged_png(const FileReader& file, const Png& png) {
@@ -167,24 +190,24 @@ absl::StatusOr<Signal> signal_of_png(const FileReader& file, const Png& png, con
 }
 
 // Rows until one cannot be read. Returns how many.
-uint32_t read_rows(Png& png, const SignalDecoder& decoder, Image& image) {
-  const size_t row_codes = size_t{4} * image.width;
+uint32_t read_rows(Png& png, const SignalDecoder& decoder, const Turned& turned, Image& image) {
+  const uint32_t height = png.height();
+  const size_t row_codes = size_t{4} * png.width();
   // The pixels of an interlaced file come seven times.
-  std::vector<uint16_t> codes(row_codes * (png.passes() > 1 ? image.height : 1));
-  const auto light = [&image](uint32_t y) {
-    return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes());
-  };
+  std::vector<uint16_t> codes(row_codes * (png.passes() > 1 ? height : 1));
+  std::vector<float> light(row_codes);
   for (int pass = 1; pass < png.passes(); ++pass) {
-    for (uint32_t y = 0; y < image.height; ++y) {
+    for (uint32_t y = 0; y < height; ++y) {
       if (!png.read_row(codes.data() + y * row_codes)) return 0;
     }
   }
-  for (uint32_t y = 0; y < image.height; ++y) {
+  for (uint32_t y = 0; y < height; ++y) {
     uint16_t* const row = codes.data() + (png.passes() > 1 ? y * row_codes : 0);
     if (!png.read_row(row)) return png.passes() > 1 ? 0 : y;
-    decoder.decode({row, row_codes}, light(y));
+    decoder.decode({row, row_codes}, light.data());
+    turned.put_row(light, y, image);
   }
-  return image.height;
+  return height;
 }
 
 }  // namespace
@@ -193,25 +216,29 @@ absl::StatusOr<Image> read_png(FileReader& file, const ImageLimits& limits, cons
   Png png(file);
   if (!png.read_header()) return damaged_png(file, png);
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
-  RETURN_IF_ERROR(check_image_size(file.path(), "image", png.width(), png.height(), kFormat, limits));
+  const Turned turned(png.orientation(), png.width(), png.height());
+  RETURN_IF_ERROR(check_image_size(file.path(), "image", turned.width(), turned.height(), kFormat, limits));
   std::vector<std::string> notes;
   ASSIGN_OR_RETURN(Signal signal, signal_of_png(file, png, choice, notes));
+  for (const std::string& name : png.damaged_chunks()) {
+    notes.push_back(absl::StrFormat("its %s has a wrong checksum and is not used", name));
+  }
   const int bits = png.bits();
   const bool has_alpha = png.has_alpha();
   const double pixel_aspect = png.pixel_aspect();
   if (!png.begin_rows()) return damaged_png(file, png);
-  ASSIGN_OR_RETURN(Image image, make_image(png.width(), png.height(), kFormat));
+  ASSIGN_OR_RETURN(Image image, make_image(turned.width(), turned.height(), kFormat));
   image.has_alpha = has_alpha;
-  if (pixel_aspect > 0) set_pixel_aspect(pixel_aspect, image);
+  if (pixel_aspect > 0) set_pixel_aspect(turned.swaps() ? 1 / pixel_aspect : pixel_aspect, image);
   image.notes.insert(image.notes.end(), notes.begin(), notes.end());
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(bits, image);
-  const uint32_t rows = read_rows(png, decoder, image);
-  if (rows == image.height) return image;
+  const uint32_t rows = read_rows(png, decoder, turned, image);
+  if (rows == png.height()) return image;
   const absl::Status status = damaged_png(file, png);
   if (rows == 0) return status;
   if (!choice.fills_gaps) return or_fill(status);
-  note_missing(file.path(), status, uint64_t{image.height - rows} * image.width, image);
+  note_missing(file.path(), status, uint64_t{png.height() - rows} * png.width(), image);
   return image;
 }
 
