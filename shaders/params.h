@@ -33,6 +33,7 @@ CANDELA_CONST(uint) CURVE_ACES_1 = 9u;
 CANDELA_CONST(uint) CURVE_TABLE = 10u;
 CANDELA_CONST(uint) CURVE_ACES_2 = 11u;
 CANDELA_CONST(uint) CURVE_BT2390 = 12u;
+CANDELA_CONST(uint) CURVE_SHOULDER = 13u;
 // Not on the wire: TABLE with AXES_REC709; TABLE with AXES_AP1, and ACES_1 of a frame with wide-gamut light.
 CANDELA_CONST(uint) CURVE_TABLE_REC709 = 101u;
 CANDELA_CONST(uint) CURVE_TABLE_AP1 = 102u;
@@ -294,7 +295,8 @@ struct ResolveParams {
   float exposure;     // E * prescale
   float bloom_scale;  // intensity / number of levels
   float scene_scale;  // 1 - intensity; only for BLOOM_CONSERVE
-  // reinhard-extended: the luminance that becomes 1. bt2390: the PQ signal of the source's peak.
+  // reinhard-extended: the luminance that becomes 1. bt2390: the PQ signal of the source's peak. shoulder:
+  // that peak in units of white.
   float curve_white;
   uint dither_frame;  // the frame's sequence number, low 32 bits
   uint table_size;    // points a side; only for aces-1 and TABLE
@@ -303,8 +305,8 @@ struct ResolveParams {
   uint tiles_lo,
       tiles_hi;  // the first TileRecord counts gamut_cut_components; only if the constant `wide` is set
   float background_r, background_g, background_b;  // scene light; only for ALPHA_OVER
-  // Only for PQ and HLG. The display's peak in units of 10000 nit, the PQ signal of it, and (1 - g) / g for
-  // the gamma g of HLG's OOTF.
+  // Only for PQ, HLG and bt2390. The display's peak in units of 10000 nit, the PQ signal of it, and (1 - g) /
+  // g for the gamma g of HLG's OOTF.
   float display_peak;
   float peak_signal;
   float hlg_exponent;

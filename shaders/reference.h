@@ -102,13 +102,15 @@ struct ResolveParams {
   double bloom_intensity = 0.0;
   uint curve = shader::CURVE_ACES_HILL;
   Gamut gamut = Gamut::kAces;  // the curve's; only for cut_components()
-  double curve_white = 4.0;    // for reinhard-extended
+  // Of reinhard-extended the luminance that becomes white; of bt2390 and shoulder without PQ and HLG the
+  // source's peak, in units of white.
+  double curve_white = 4.0;
   uint transfer = shader::TRANSFER_SRGB;
   // Of TRANSFER_PQ and TRANSFER_HLG, for which exposed and display light are in units of the display's peak.
   uint display = shader::DISPLAY_REC709;
   uint limit = shader::DISPLAY_REC709;  // of aces-2
   double peak_nits = 0.0;
-  double source_peak_nits = 0.0;  // of bt2390
+  double source_peak_nits = 0.0;  // of bt2390, with PQ and HLG
   uint alpha = shader::ALPHA_ASSOCIATED;
   Rgb background{};  // scene light, for ALPHA_OVER
   // Exposed scene light, which may be negative, to display light, not clamped. CURVE_ACES_1 and CURVE_TABLE
@@ -185,7 +187,7 @@ uint64_t cut_components(const Scene& scene, const Level& bloom, uint32_t level_c
 Rgb look_up(const ColorTable& table, const Rgb& exposed);
 
 // Display-linear light in [0, 1] for exposed scene light, which may be negative, by a curve that has no
-// table. `white` is for reinhard-extended.
+// table. `white` is ResolveParams::curve_white.
 Rgb tone_curve(uint curve, const Rgb& x, double white = 4.0);
 // The display value in [0, 1] for display-linear light y in [0, 1].
 double transfer(uint transfer, double y);

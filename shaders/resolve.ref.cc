@@ -107,6 +107,8 @@ Rgb pbr_neutral(Rgb c) {
   return c;
 }
 
+constexpr double kWhiteNits = 203;  // ITU-R BT.2408
+
 // ST 2084's constants.
 constexpr double kM1 = 2610.0 / 16384;
 constexpr double kM2 = 2523.0 / 32;
@@ -125,19 +127,28 @@ double pq_nits(double signal) {
 }
 
 // BT.2390-10 section 5.4.1, with black levels of 0: one factor by the largest component.
-Rgb bt2390(const ResolveParams& params, const Rgb& light) {
+Rgb bt2390(const Rgb& light, double source_nits, double peak_nits) {
   const double largest = std::max({light[0], light[1], light[2]});
   if (largest <= 0.0) return {};
-  const double source = pq(params.source_peak_nits);
-  const double most = pq(params.peak_nits) / source;
+  const double source = pq(source_nits);
+  const double most = pq(peak_nits) / source;
   const double start = 1.5 * most - 0.5;
-  const double e1 = std::min(pq(std::min(largest * params.peak_nits, 10000.0)) / source, 1.0);
+  const double e1 = std::min(pq(std::min(largest * peak_nits, 10000.0)) / source, 1.0);
   if (e1 < start) return light;
   const double t = start < 1.0 ? (e1 - start) / (1.0 - start) : 0.0;
   const double e2 = (2 * t * t * t - 3 * t * t + 1) * start + (t * t * t - 2 * t * t + t) * (1.0 - start) +
                     (-2 * t * t * t + 3 * t * t) * most;
-  const double factor = pq_nits(e2 * source) / params.peak_nits / largest;
+  const double factor = pq_nits(e2 * source) / peak_nits / largest;
   return {light[0] * factor, light[1] * factor, light[2] * factor};
+}
+
+Rgb shoulder(Rgb light, double peak) {
+  const double largest = std::max({light[0], light[1], light[2]});
+  if (largest <= 0.5) return light;
+  const double above = (std::min(largest, peak) - 0.5) / 0.5, end = (peak - 0.5) / 0.5;
+  const double shown = 0.5 + 0.5 * (above + above * above / (end * end)) / (1.0 + above);
+  for (double& c : light) c *= shown / largest;
+  return light;
 }
 
 // Scene light in the primaries of an HDR display.
@@ -162,7 +173,7 @@ Rgb display_light(const ResolveParams& params, const Rgb& exposed) {
   if (params.display == shader::DISPLAY_REC709) return tone_curve(params.curve, exposed, params.curve_white);
   Rgb y = in_display(params, exposed);
   for (double& v : y) v = std::max(v, 0.0);
-  if (params.curve == shader::CURVE_BT2390) y = bt2390(params, y);
+  if (params.curve == shader::CURVE_BT2390) y = bt2390(y, params.source_peak_nits, params.peak_nits);
   for (double& v : y) v = std::min(v, 1.0);
   return y;
 }
@@ -269,6 +280,12 @@ Rgb tone_curve(uint curve, const Rgb& light, double white) {
       break;
     case shader::CURVE_PBR_NEUTRAL:
       y = pbr_neutral(x);
+      break;
+    case shader::CURVE_BT2390:
+      y = bt2390(x, white * kWhiteNits, kWhiteNits);
+      break;
+    case shader::CURVE_SHOULDER:
+      y = shoulder(x, white);
       break;
     default:
       break;

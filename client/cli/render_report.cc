@@ -207,7 +207,7 @@ void add_everything(const RenderReport& report, std::string& text,
 }  // namespace
 
 std::string default_exposure_words(const PictureDefaults& defaults) {
-  return defaults.exposure ? ", the default of a view" : "";
+  return defaults.exposure ? absl::StrCat(", the default of ", defaults.of) : "";
 }
 
 std::string default_bloom_words(const PictureDefaults& defaults) {

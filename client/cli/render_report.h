@@ -16,7 +16,7 @@
 
 namespace candela {
 
-// ", the default of a view" after the exposure, or "".
+// ", the default of a view" or of a picture of a display after the exposure, or "".
 std::string default_exposure_words(const PictureDefaults& defaults);
 // ", no bloom" after that, or "".
 std::string default_bloom_words(const PictureDefaults& defaults);

@@ -6,15 +6,18 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <span>
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
 #include "client/color/view_table.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
@@ -242,6 +245,32 @@ ocio::ConstConfigRcPtr lut_config(const ViewChoice& choice) {
   return config;
 }
 
+// OpenColorIO takes "0,25" as 0. Programs write such files where numbers have decimal commas. Looks at the
+// beginning of the file: all numbers of a file are written alike. In XML, commas may stand between numbers.
+absl::Status check_decimal_points(const std::string& path) {
+  constexpr size_t kMostBytes = 1 << 20;
+  std::string text(kMostBytes, '\0');
+  std::ifstream file(path);
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (absl::StartsWith(text, "<")) return absl::OkStatus();
+  size_t number = 0;
+  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
+    ++number;
+    if (line.find_first_not_of("0123456789+-.,;eE \t\r") != absl::string_view::npos) continue;
+    for (size_t at = line.find(','); at < line.size(); at = line.find(',', at + 1)) {
+      const bool decimal = at > 0 && at + 1 < line.size() && absl::ascii_isdigit(line[at - 1]) &&
+                           absl::ascii_isdigit(line[at + 1]);
+      if (!decimal) continue;
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: line %d, \"%s\": numbers in a LUT have decimal points, not commas; write it "
+                          "again with points",
+                          path, number, absl::StripAsciiWhitespace(line.substr(0, 60))));
+    }
+  }
+  return absl::OkStatus();
+}
+
 constexpr char kBuiltIn[] = "ocio://";  // begins the names of OpenColorIO's own configurations
 constexpr int kFirstWithBuiltIn = 0x02020000;
 
@@ -300,6 +329,9 @@ absl::StatusOr<ocio::ConstConfigRcPtr> load_config(const ViewChoice& choice) {
   if (!built_in && !std::filesystem::is_regular_file(choice.config, failed)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("%s: not a regular file; name %s", choice.config, kind_of(choice)));
+  }
+  if (!choice.lut_input.empty()) {
+    RETURN_IF_ERROR(check_decimal_points(choice.config));
   }
   ocio::SetLoggingLevel(ocio::LOGGING_LEVEL_NONE);
   try {

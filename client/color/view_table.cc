@@ -199,6 +199,16 @@ bool shows_data(const ocio::ConstConfigRcPtr& config, const ViewTable& chosen, c
   return is_data(shown == ocio::OCIO_VIEW_USE_DISPLAY_NAME ? chosen.display : shown) || is_data(input);
 }
 
+// Whether the view shows light below 0 as something else than 0, which a table cannot hold.
+bool shows_below_0(const ocio::ConstCPUProcessorRcPtr& view) {
+  std::vector<float> rgb = {0.0f, 0.0f, 0.0f, -0.01f, -0.01f, -0.01f, -0.1f, -0.1f, -0.1f};
+  show(view, rgb);
+  for (size_t i = 3; i < rgb.size(); ++i) {
+    if (codes_apart(rgb[i], rgb[i % 3]) > 0.5) return true;
+  }
+  return false;
+}
+
 absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   ASSIGN_OR_RETURN(const ocio::ConstConfigRcPtr config, load_config(choice));
   ViewTable baked;
@@ -218,6 +228,10 @@ absl::StatusOr<ViewTable> bake(const ViewChoice& choice) {
   const ocio::ConstCPUProcessorRcPtr view =
       processor(config, {entry->from_rec709, view_of(baked, entry->space)});
   baked.show = [view](std::span<float> rgb) { show(view, rgb); };
+  // Of a camera's log, light below 0 is the noise of black.
+  if (choice.lut_input == lut_inputs().front() && shows_below_0(view)) {
+    baked.notes.push_back("the LUT's domain begins below 0, and light below 0 is cut to 0 before it");
+  }
   if (!choice.input.empty()) {
     const ocio::ConstCPUProcessorRcPtr input = processor(config, {view_of(baked, choice.input)});
     baked.show_input = [input](std::span<float> rgb) { show(input, rgb); };

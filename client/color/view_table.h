@@ -24,7 +24,7 @@ struct ViewChoice {
   std::optional<std::pair<double, double>> lut_domain = {};
 };
 
-// The words for ViewChoice::lut_input. The first is the default.
+// The words for ViewChoice::lut_input. The first is the default, linear light.
 std::vector<std::string> lut_inputs();
 
 struct ViewTable {

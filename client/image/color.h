@@ -17,12 +17,19 @@ struct NamedPrimaries {
   const char* name;         // short, such as "AP1"
   const char* known_as;     // as people know the colour space, such as "ACEScg (AP1)"
   std::array<float, 8> xy;  // CIE 1931 xy of red, green, blue and white
+  int code = 0;             // ColourPrimaries of ITU-T H.273; 0 if it does not have them
+  const char* word = "";    // of --primaries, if the contract has none
 };
 
 inline constexpr NamedPrimaries kRec709{
-    "Rec.709", "Rec.709", {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f}};
+    "Rec.709", "Rec.709", {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f}, 1};
+inline constexpr NamedPrimaries kAdobeRgb{"Adobe RGB",
+                                          "Adobe RGB (1998)",
+                                          {0.64f, 0.33f, 0.21f, 0.71f, 0.15f, 0.06f, 0.3127f, 0.3290f},
+                                          0,
+                                          "adobe-rgb"};
 // The values of red, green and blue are X, Y and Z.
-inline constexpr NamedPrimaries kXyz{"XYZ", "CIE XYZ", {1, 0, 0, 1, 0, 0, 1 / 3.0f, 1 / 3.0f}};
+inline constexpr NamedPrimaries kXyz{"XYZ", "CIE XYZ", {1, 0, 0, 1, 0, 0, 1 / 3.0f, 1 / 3.0f}, 10};
 
 // All of them, Rec.709 first.
 std::span<const NamedPrimaries> named_primaries();
@@ -73,8 +80,19 @@ void decode(ColorCurve curve, Image& image);
 // The shares of R, G and B in luma Y, and what B - Y and R - Y are divided by.
 struct LumaMatrix {
   float red, green, blue, cb, cr;
+  int code;  // MatrixCoefficients of ITU-T H.273
+  const char* name;
 };
-inline constexpr LumaMatrix kRec709Luma{.2126f, .7152f, .0722f, 1.8556f, 1.5748f};   // ITU-R BT.709
-inline constexpr LumaMatrix kRec2020Luma{.2627f, .6780f, .0593f, 1.8814f, 1.4746f};  // ITU-R BT.2020
+inline constexpr LumaMatrix kRec709Luma{.2126f, .7152f, .0722f, 1.8556f, 1.5748f, 1, "BT.709"};
+inline constexpr LumaMatrix kRec601Luma{.299f, .587f, .114f, 1.772f, 1.402f, 6, "BT.601"};
+inline constexpr LumaMatrix kRec2020Luma{.2627f, .6780f, .0593f, 1.8814f, 1.4746f, 9, "BT.2020"};
+inline constexpr LumaMatrix kLumaMatrices[] = {kRec709Luma,
+                                               kRec601Luma,
+                                               kRec2020Luma,
+                                               {.30f, .59f, .11f, 1.78f, 1.40f, 4, "FCC"},
+                                               {.212f, .701f, .087f, 1.826f, 1.576f, 7, "SMPTE ST 240"}};
+
+// A y4m names no matrix. Of fewer lines it is BT.601's, as ffmpeg and others take it.
+inline constexpr uint32_t kHdLines = 720;
 
 }  // namespace candela

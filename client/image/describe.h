@@ -54,4 +54,8 @@ struct FileFacts {
 // OpenEXR file is not seen; files of other kinds are read whole.
 absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits = {});
 
+// The same of a file that is in memory. `name` stands for its path.
+absl::StatusOr<FileFacts> describe_image_bytes(const std::string& name, std::string bytes,
+                                               const ImageLimits& limits = {});
+
 }  // namespace candela

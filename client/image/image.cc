@@ -2,7 +2,9 @@
 
 #include <half.h>
 
+#include <cmath>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -15,6 +17,16 @@
 #include "server/base/status_macros.h"
 
 namespace candela {
+
+std::optional<FrameRate> film_rate(double frames_a_second) {
+  constexpr double kRounding = 0.005;
+  for (const uint64_t whole : {24, 30, 48, 60, 120}) {
+    const FrameRate rate{whole * 1000, 1001};
+    const double exact = static_cast<double>(rate.frames) / static_cast<double>(rate.seconds);
+    if (std::fabs(frames_a_second - exact) <= kRounding) return rate;
+  }
+  return std::nullopt;
+}
 
 const char* name(ImageFormat format) {
   switch (format) {
@@ -91,6 +103,8 @@ const char* words_of(FileKind kind) {
       return "AVIF";
     case FileKind::kJpeg:
       return "JPEG";
+    case FileKind::kTiff:
+      return "TIFF";
   }
   return "?";
 }
@@ -107,6 +121,8 @@ absl::StatusOr<Image> read_picture(FileKind kind, FileReader& file, const ImageL
       return read_avif(file, limits, choice);
     case FileKind::kJpeg:
       return read_jpeg(file, limits, choice);
+    case FileKind::kTiff:
+      return read_tiff(file, limits, choice);
     default:
       return read_pfm(file, limits, choice);
   }
@@ -116,7 +132,6 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
                                      const PictureChoice& choice) {
   if (!file.ok()) return file.status();
   ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
-  const bool has_signal = kind == FileKind::kPng || kind == FileKind::kAvif || kind == FileKind::kJpeg;
   if (kind != FileKind::kExr && !choice.empty()) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: only OpenEXR files have parts, layers and views; this is a %s file with one picture",
@@ -129,7 +144,7 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
     image->chromaticities.reset();
     image->names_primaries = false;
   }
-  const bool decodes = !has_signal && decodes_values(choice);
+  const bool decodes = image->signal.empty() && decodes_values(choice);
   if (choice.as_floats || decodes) {
     RETURN_IF_ERROR(
         check_image_size(file->path(), "image", image->width, image->height, ImageFormat::kRgba32f, limits));
@@ -139,12 +154,12 @@ absl::StatusOr<Image> read_any_image(absl::StatusOr<FileReader> file, const Imag
   return image;
 }
 
-absl::StatusOr<FileFacts> describe_any_image(const std::string& path, const ImageLimits& limits) {
-  ASSIGN_OR_RETURN(FileReader file, FileReader::open(path));
-  ASSIGN_OR_RETURN(const FileKind kind, file_kind(file));
-  if (kind == FileKind::kExr) return describe_exr(file, limits);
+absl::StatusOr<FileFacts> describe_any_image(absl::StatusOr<FileReader> file, const ImageLimits& limits) {
+  if (!file.ok()) return file.status();
+  ASSIGN_OR_RETURN(const FileKind kind, file_kind(*file));
+  if (kind == FileKind::kExr) return describe_exr(*file, limits);
 
-  ASSIGN_OR_RETURN(const Image image, read_picture(kind, file, limits, {}));
+  ASSIGN_OR_RETURN(const Image image, read_picture(kind, *file, limits, {}));
   const WindowFacts window{0, 0, int64_t{image.width} - 1, int64_t{image.height} - 1};
   PartFacts part{.storage = image.signal.empty() ? "scan lines" : image.signal,
                  .display = window,
@@ -176,9 +191,16 @@ absl::StatusOr<Image> read_image_bytes(const std::string& name, std::string byte
 }
 
 absl::StatusOr<FileFacts> describe_image(const std::string& path, const ImageLimits& limits) {
-  absl::StatusOr<FileFacts> facts = describe_any_image(path, limits);
+  absl::StatusOr<FileFacts> facts = describe_any_image(FileReader::open(path), limits);
   if (facts.ok()) return facts;
   return input_failure(facts.status(), path);
+}
+
+absl::StatusOr<FileFacts> describe_image_bytes(const std::string& name, std::string bytes,
+                                               const ImageLimits& limits) {
+  absl::StatusOr<FileFacts> facts = describe_any_image(FileReader::of(name, std::move(bytes)), limits);
+  if (facts.ok()) return facts;
+  return input_failure(facts.status(), name);
 }
 
 }  // namespace candela

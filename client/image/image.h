@@ -1,5 +1,5 @@
-// An image in memory, and image files in and out: OpenEXR, Radiance .hdr, PFM, PNG, AVIF and JPEG are read;
-// client/image/write/encodings.h lists what is written.
+// An image in memory, and image files in and out: OpenEXR, Radiance .hdr, PFM, PNG, AVIF, JPEG and TIFF are
+// read; client/image/write/encodings.h lists what is written.
 //
 // It needs no network and no device. Any thread may call these functions, also at once on different images.
 // OpenEXR decodes with the number of threads set by Imf::setGlobalThreadCount, which the caller chooses; the
@@ -31,6 +31,10 @@ struct FrameRate {
 
   bool operator==(const FrameRate& other) const = default;
 };
+
+// The film rate that a decimal number stands for: N * 1000/1001 for N of 24, 30, 48, 60 and 120, of which it
+// is one rounded to two decimals or more. 23.976 and 23.98 are 24000/1001. Nothing for all others.
+std::optional<FrameRate> film_rate(double frames_a_second);
 
 // The bytes of an image.
 //
@@ -94,7 +98,7 @@ struct Image {
   std::optional<std::array<float, 8>> chromaticities;
   PictureLight light = PictureLight::kScene;
   double peak = 1;               // of kHdr: the brightest light that the picture may hold
-  std::string signal;            // of a PNG, AVIF or JPEG file: "10 bits, PQ, from nclx"; "" of others
+  std::string signal;            // of a PNG, AVIF, JPEG or TIFF file: "10 bits, PQ, from nclx"; "" of others
   bool has_gain_map = false;     // the file has one with the words that it needs, used or not
   bool names_primaries = false;  // the file says what its primaries are, which may be Rec.709
   uint64_t missing_pixels = 0;   // of an unfinished or damaged file: absent, which is 0 with alpha 0
@@ -130,8 +134,19 @@ struct ImageLimits {
 // top one of a PHM file, as ffmpeg writes it. ffmpeg writes PFM files from the top, too.
 enum class RowOrder { kByKind, kTop, kBottom };
 
-// The function from a file's codes to light. kGamma is the power 2.2.
-enum class SignalTransfer { kLinear, kSrgb, kGamma, kPq, kHlg };
+// The function from a file's codes to light.
+enum class SignalTransfer {
+  kLinear,
+  kSrgb,
+  kGamma,  // a power
+  kPq,
+  kHlg,
+  kSmpte240,  // the camera of SMPTE ST 240
+  kLog100,    // H.273's logarithms, of two and of two and a half decades
+  kLog316,
+  kCinema,  // SMPTE ST 428-1
+  kProfile  // an ICC profile's own; no choice
+};
 
 // Which of an OpenEXR file's pictures to read. The reader chooses where a member is empty: it takes the
 // picture whose name says best that it is the one to show.
@@ -148,26 +163,31 @@ struct PictureChoice {
   bool as_floats = false;             // halves become floats
   RowOrder rows = RowOrder::kByKind;  // of a PFM or PHM file
   // In place of the one that the file names. Absent: the one that it names, else sRGB of a PNG, AVIF or JPEG
-  // file, and of others none: their values are light.
+  // file or a TIFF of integers, and of others none: their values are light.
   std::optional<SignalTransfer> transfer{};
+  double gamma = 2.2;  // of the transfer kGamma
+  // In place of what an AVIF or a y4m says of its luma, and of its range, which a PNG may say, too. The
+  // matrix is H.273's number.
+  std::optional<int> matrix{};
+  std::optional<bool> full_range{};
   // The primaries that the user names, which give an HLG signal its luminance. Absent: the file's own.
   std::optional<std::array<float, 8>> primaries{};
   double hlg_peak = 1000.0;       // nit of the display that an HLG signal is meant for, 400 .. 2000
-  bool keeps_signal = false;      // a PNG's, AVIF's or JPEG's codes as numbers of 0 .. 1
+  bool keeps_signal = false;      // a PNG's, AVIF's, JPEG's or TIFF's codes as numbers of 0 .. 1
   bool base_of_gain_map = false;  // of a file with a gain map the picture without it
 
   // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }
 };
 
-// Reads an OpenEXR, Radiance, PFM, PHM, PNG, AVIF or JPEG file; its first bytes tell the kind, not its name.
-// Half-float files become kRgba16f, all others kRgba32f. Values are the file's own. exr_reader.cc and
-// radiance_reader.cc say what they do where the formats leave a choice. Errors name the file and the problem:
-// NOT_FOUND (also for a part, layer or view, with a list of those that exist), PERMISSION_DENIED,
-// INVALID_ARGUMENT (not an image, damaged, unfinished, nothing to render, nothing to choose from),
-// RESOURCE_EXHAUSTED (beyond the limits) or UNIMPLEMENTED (deep images, a compression or a version that this
-// OpenEXR does not know). Their kind is kInput, or kOther if this machine lacks memory
-// (client/base/failure.h).
+// Reads an OpenEXR, Radiance, PFM, PHM, PNG, AVIF, JPEG or TIFF file; its first bytes tell the kind, not its
+// name. OpenEXR and PHM files of halves become kRgba16f, all others kRgba32f. Values are the file's own.
+// exr_reader.cc and radiance_reader.cc say what they do where the formats leave a choice. Errors name the
+// file and the problem: NOT_FOUND (also for a part, layer or view, with a list of those that exist),
+// PERMISSION_DENIED, INVALID_ARGUMENT (not an image, damaged, unfinished, nothing to render, nothing to
+// choose from), RESOURCE_EXHAUSTED (beyond the limits) or UNIMPLEMENTED (deep images, a compression, a
+// version or a kind of samples that is not read). Their kind is kInput, or kOther if this machine lacks
+// memory (client/base/failure.h).
 absl::StatusOr<Image> read_image(const std::string& path, const ImageLimits& limits = {},
                                  const PictureChoice& choice = {});
 
@@ -184,6 +204,8 @@ struct WriteOptions {
   // a JPEG or TIFF an ICC profile. None gets any if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
   HdrDisplay hdr{};  // with the transfers kPq and kHlg
+  // Of the integer formats without PQ and HLG, in place of Rec.709: as Image::chromaticities.
+  std::optional<std::array<float, 8>> primaries{};
   // Above 0: the fourth component of each pixel is not its alpha but its code in the JPEG's gain map; see
   // gain_map_in_alpha().
   double gain_map_max_log2 = 0;

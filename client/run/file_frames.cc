@@ -145,8 +145,17 @@ absl::Status FileFrames::make(absl::StatusOr<Image> read, const SequenceFrame& f
   Image& frame = *read;
   enter_scene(options_.view.get(), frame);
   ASSIGN_OR_RETURN(const std::optional<double> exposure, options_.exposures.of(file.number));
-  made.settings = settings_for(frame, options_.settings);
-  show_display_light(frame, made.settings);
+  if (options_.scene_light) frame.light = PictureLight::kScene;
+  if (absl::Status status = check_gain_map(frame.light, options_.settings.has_gain_map_peak_nits());
+      !status.ok())
+    return name_file(status, file.path);
+  PictureSettings shown = settings_for(frame, options_.settings,
+                                       {exposure.has_value(), options_.names_primaries, options_.defaults});
+  made.settings = std::move(shown.settings);
+  made.facts.defaults = shown.defaults;
+  made.facts.kept_primaries = shown.kept_primaries;
+  if (std::string note = not_metered_note(frame, options_.settings, shown.defaults); !note.empty())
+    frame.notes.push_back(std::move(note));
   if (options_.ignore_empty_alpha) {
     const std::string note = ignore_empty_alpha(frame, made.settings);
     if (!note.empty()) frame.notes.push_back(note);

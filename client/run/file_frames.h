@@ -103,8 +103,11 @@ struct FileFrameOptions {
   std::optional<FrameRate> rate = {};                 // --fps
   std::shared_ptr<const BakedView> view = {};         // of --ocio; null without it
   bool ignore_empty_alpha = false;                    // as in PictureOptions
-  bool desqueeze = false;                             // as there
-  GivenExposures exposures = {};                      // of the frames, by their numbers
+  bool desqueeze = false;                             // as there, and the next three
+  bool scene_light = false;
+  bool names_primaries = false;
+  PictureDefaults defaults = {};
+  GivenExposures exposures = {};  // of the frames, by their numbers
 };
 
 class FileFrames : public FrameSource {

@@ -151,6 +151,7 @@ absl::StatusOr<FilmFormat> film_format(const std::string& path, const std::strin
 PipeFormat piped_for(const FilmFormat& film, PipeFormat asked) {
   if (film.codec->deep) asked.kind = PipeKind::kY4m444;
   asked.bits = film.bits;
+  if (!asked.matrix) asked.matrix = kRec709Luma;  // film_command() names it
   return asked;
 }
 

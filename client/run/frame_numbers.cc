@@ -192,7 +192,8 @@ absl::StatusOr<FrameRate> parse_frame_rate(const std::string& option, const std:
     rate = reduced({frames, seconds});
   } else if (parts.size() == 1 && absl::SimpleAtod(text, &decimal) && decimal >= kFps.min &&
              decimal <= kFps.max) {
-    rate = reduced({static_cast<uint64_t>(std::llround(decimal * kDecimal)), kDecimal});
+    rate = film_rate(decimal).value_or(
+        reduced({static_cast<uint64_t>(std::llround(decimal * kDecimal)), kDecimal}));
   }
   if (rate && is_usable(*rate)) return *rate;
   return usage_error(absl::StrFormat(
@@ -212,7 +213,11 @@ FrameRate reduced(FrameRate rate) {
 }
 
 std::string to_text(FrameRate rate) {
-  if (kDecimal % rate.seconds != 0) return absl::StrFormat("%d/%d", rate.frames, rate.seconds);
+  const bool reads_as_film =
+      film_rate(static_cast<double>(rate.frames) / static_cast<double>(rate.seconds)).has_value();
+  if (kDecimal % rate.seconds != 0 || reads_as_film) {
+    return absl::StrFormat("%d/%d", rate.frames, rate.seconds);
+  }
   std::string text = absl::StrFormat("%d.%09d", rate.frames / rate.seconds,
                                      rate.frames % rate.seconds * (kDecimal / rate.seconds));
   text.erase(text.find_last_not_of('0') + 1);

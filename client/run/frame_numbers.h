@@ -60,7 +60,8 @@ std::string to_text(const std::vector<NumberRange>& ranges, const std::string& s
 
 inline constexpr v1::Range<double> kFps{0.001, 100000};  // frames a second
 
-// Parses "24", "23.976" or "24000/1001": a rate in kFps. A usage error names `option`.
+// Parses "24", "12.5" or "24000/1001": a rate in kFps. A decimal number may stand for a film rate, as
+// film_rate() says: "23.976" is 24000/1001. A usage error names `option`.
 absl::StatusOr<FrameRate> parse_frame_rate(const std::string& option, const std::string& text);
 
 // Whether the rate is one that parse_frame_rate() would accept.
@@ -69,7 +70,7 @@ bool is_usable(FrameRate rate);
 // The same rate in its smallest numbers.
 FrameRate reduced(FrameRate rate);
 
-// "24", "23.976", "24000/1001": exactly this rate.
+// "24", "12.5", "24000/1001": parse_frame_rate() makes exactly this rate of it.
 std::string to_text(FrameRate rate);
 
 // The time from a frame to the one that is `frames` later, in whole nanoseconds, rounded to the nearest.

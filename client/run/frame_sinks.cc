@@ -28,7 +28,7 @@ absl::StatusOr<std::vector<std::string>> write_result(const std::string& path, R
     return write_encoded(path, result.pixels(), result.header.encoding(), facts.has_alpha,
                          facts.pixel_aspect);
   }
-  const WriteOptions write = write_options_for(options, result.header);
+  const WriteOptions write = write_options_for(options, result.header, facts.kept_primaries);
   Image picture = picture_of(std::move(result), facts.has_alpha, facts.pixel_aspect);
   picture.frame_rate = facts.frame_rate;
   picture.kept = facts.kept;

@@ -29,8 +29,10 @@ struct FrameFacts {
   double pixel_aspect = 1;                   // of its image
   std::optional<FrameRate> frame_rate = {};  // if the user gave it or a file says it
   PrimariesUsed primaries = {};
-  std::shared_ptr<const KeptAttributes> kept = {};  // as in Image
-  uint64_t missing_pixels = 0;                      // of an unfinished or damaged file
+  PictureDefaults defaults = {};                            // of the settings that it is shown with
+  std::optional<std::array<float, 8>> kept_primaries = {};  // as in PictureSettings
+  std::shared_ptr<const KeptAttributes> kept = {};          // as in Image
+  uint64_t missing_pixels = 0;                              // of an unfinished or damaged file
 };
 
 struct SourceFrame {

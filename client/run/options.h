@@ -39,10 +39,12 @@ struct ServerChoice {
   std::string executor;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
-// The defaults that --ocio and --lut change.
+// Which settings nobody gave, and what they are the default of: a view of --ocio and --lut, or a picture of a
+// display.
 struct PictureDefaults {
   bool exposure = false;  // 0 EV
   bool bloom = false;     // none
+  const char* of = "a view";
 };
 
 // The settings of frames and the format of images.
@@ -59,8 +61,10 @@ struct PictureOptions {
   // An alpha that is 0 everywhere although there is light counts as none: the output is a .png or .jpg and
   // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
   bool ignore_empty_alpha = false;
-  PictureDefaults defaults;  // as they are in `settings`
-  std::string stdout_kind;   // the extension of an image that goes to standard output
+  PictureDefaults defaults;      // as they are in `settings`
+  bool scene_light = false;      // a picture of a display is taken as light of a scene
+  bool names_primaries = false;  // the output's files can name any primaries
+  std::string stdout_kind;       // the extension of an image that goes to standard output
 };
 
 // The HDR picture that a gain map of three channels leads to.
@@ -96,6 +100,7 @@ struct SessionRunOptions : RunOptions {
 
 struct RenderOptions : RunOptions {
   std::vector<std::string> inputs;  // files, and quoted patterns and folders; or "-", standard input
+  std::vector<std::string> only;    // see find_frames()
   std::string output;               // a file, a folder, or "-", standard output
   std::string extension;            // of the images in the folder, with its dot; "" if `output` is a file
   v1::ExposureState previous;       // exposure 0: none

@@ -25,12 +25,13 @@ v1::EnvironmentStart start_of(const Image& image, const v1::Settings& given) {
   start.set_width(image.width);
   start.set_height(image.height);
   start.set_format(wire_format(image.format));
-  const v1::Settings settings = settings_for(image, given);
-  if (settings.has_input_chromaticities()) {
-    *start.mutable_input_chromaticities() = settings.input_chromaticities();
+  if (given.has_input_chromaticities()) {
+    *start.mutable_input_chromaticities() = given.input_chromaticities();
+  } else if (image.chromaticities && !has_primaries(given)) {
+    *start.mutable_input_chromaticities() = to_message(*image.chromaticities);
   }
-  start.set_input_primaries(settings.input_primaries());
-  start.set_bad_values(settings.bad_values());
+  start.set_input_primaries(given.input_primaries());
+  start.set_bad_values(given.bad_values());
   return start;
 }
 
@@ -64,6 +65,10 @@ absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const Pictur
   PanoramaFile file;
   file.notes = std::exchange(read->notes, {});
   file.missing_pixels = read->missing_pixels;
+  if (!options.scene_light) file.light = read->light;
+  file.peak = read->peak;
+  const absl::Status status = check_gain_map(file.light, options.settings.has_gain_map_peak_nits());
+  if (!status.ok()) return name_file(status, path);
   const double aspect = static_cast<double>(read->width) / read->height;
   if (aspect < kLeastAspect || aspect > kMostAspect) {
     file.notes.push_back(absl::StrFormat(

@@ -22,7 +22,9 @@ struct PanoramaFile {
   std::shared_ptr<const Panorama> panorama;
   PrimariesUsed primaries;
   std::vector<std::string> notes;
-  uint64_t missing_pixels = 0;  // of the file, as in Image
+  uint64_t missing_pixels = 0;  // of the file, as in Image, and the next two
+  PictureLight light = PictureLight::kScene;
+  double peak = 1;
 };
 
 // Reads the picture that `options` choose from the file `path`. Its primaries are those of the options'

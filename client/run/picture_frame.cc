@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -16,9 +17,12 @@
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
 #include "client/image/color.h"
+#include "client/image/power.h"
+#include "client/image/read/signal.h"
 #include "client/run/embedded_server.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
+#include "server/encode/color_words.h"
 
 namespace candela {
 namespace {
@@ -276,16 +280,93 @@ FrameView view_of(const Image& image) {
           .pixels = image.pixels.span()};
 }
 
-v1::Settings settings_for(const Image& image, v1::Settings settings) {
-  if (image.chromaticities && !has_primaries(settings))
-    *settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
-  return settings;
+namespace {
+
+// The peak of the display that the settings describe, in units of reference white.
+double display_peak(v1::Settings settings) {
+  if (!is_hdr(encoded_transfer(settings))) return 1;
+  (void)v1::complete_settings(settings);  // parsing has checked them
+  return settings.peak_nits() / kReferenceWhiteNits;
 }
 
-void show_display_light(const Image& image, v1::Settings& settings) {
-  if (image.light != PictureLight::kHdr) return;
-  if (!sets_a_field(settings.exposure())) settings.mutable_exposure()->set_mode(v1::Exposure::MODE_MANUAL);
-  if (!sets_a_field(settings.bloom())) settings.mutable_bloom()->set_intensity(0);
+// The curve of a picture whose light goes up to `peak`, exposed: none if the display can show all of it.
+void choose_curve(double peak, v1::Settings& settings) {
+  const bool chosen = settings.curve() != v1::TONE_CURVE_UNSPECIFIED;
+  const double display = display_peak(settings);
+  if (!chosen) {
+    settings.set_curve(peak <= display                      ? v1::TONE_CURVE_LINEAR
+                       : is_hdr(encoded_transfer(settings)) ? v1::TONE_CURVE_BT2390
+                                                            : v1::TONE_CURVE_SHOULDER);
+  }
+  const bool has_source =
+      settings.curve() == v1::TONE_CURVE_BT2390 || settings.curve() == v1::TONE_CURVE_SHOULDER;
+  if (!has_source || settings.has_source_peak_nits()) return;
+  constexpr double kMostNits = 10000;
+  settings.set_source_peak_nits(std::min(std::max(peak, display) * kReferenceWhiteNits, kMostNits));
+}
+
+bool is_grey(const v1::Background& c) { return c.red() == c.green() && c.green() == c.blue(); }
+
+// Whether the pipeline treats R, G and B alike, whatever their primaries are.
+bool treats_channels_alike(const v1::Settings& settings, bool exposure_given) {
+  return settings.curve() == v1::TONE_CURVE_LINEAR && !is_hdr(encoded_transfer(settings)) &&
+         (exposure_given || settings.exposure().mode() == v1::Exposure::MODE_MANUAL) &&
+         settings.bloom().has_intensity() && settings.bloom().intensity() == 0 &&
+         !settings.has_white_balance() && is_grey(settings.background());
+}
+
+}  // namespace
+
+PictureDefaults show_as_it_is(PictureLight light, double peak, bool exposure_given, PictureDefaults defaults,
+                              v1::Settings& settings) {
+  if (light == PictureLight::kScene) return defaults;
+  defaults.of = light == PictureLight::kSdr ? "an SDR picture" : "an HDR picture";
+  v1::Exposure& exposure = *settings.mutable_exposure();
+  if (!exposure_given && exposure.mode() == v1::Exposure::MODE_UNSPECIFIED) {
+    exposure.set_mode(v1::Exposure::MODE_MANUAL);
+    exposure.set_manual_ev(0);
+    defaults.exposure = true;
+  }
+  if (!sets_a_field(settings.bloom())) {
+    settings.mutable_bloom()->set_intensity(0);
+    defaults.bloom = true;
+  }
+  const bool manual = exposure.mode() == v1::Exposure::MODE_MANUAL;
+  choose_curve(light == PictureLight::kSdr
+                   ? 1
+                   : peak * exponential(std::numbers::ln2 * (manual ? exposure.manual_ev() : 0)),
+               settings);
+  return defaults;
+}
+
+absl::Status check_gain_map(PictureLight light, bool asked) {
+  if (light != PictureLight::kSdr || !asked) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "it is an SDR picture, which has no light for the gain map of --gain-map; --scene-light takes it as a "
+      "scene's "
+      "light");
+}
+
+PictureSettings settings_for(const Image& image, const v1::Settings& given, const PictureFacts& facts) {
+  PictureSettings made{.settings = given, .defaults = facts.defaults, .kept_primaries = {}};
+  made.defaults = show_as_it_is(image.light, image.peak, facts.exposure_given, facts.defaults, made.settings);
+  if (!image.chromaticities || has_primaries(given)) return made;
+  if (image.light == PictureLight::kSdr && facts.names_primaries &&
+      treats_channels_alike(made.settings, facts.exposure_given)) {
+    made.kept_primaries = image.chromaticities;
+  } else {
+    *made.settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
+  }
+  return made;
+}
+
+std::string not_metered_note(const Image& image, const v1::Settings& given, const PictureDefaults& defaults) {
+  v1::Exposure asked = given.exposure();
+  asked.clear_mode();
+  if (image.light == PictureLight::kScene || !defaults.exposure || !sets_a_field(asked)) return "";
+  return absl::StrFormat(
+      "%s is shown at 0 EV, so the options of metering change nothing; --exposure auto meters it",
+      defaults.of);
 }
 
 Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect) {
@@ -299,7 +380,9 @@ Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect) {
   return picture;
 }
 
-WriteOptions write_options_for(WriteOptions options, const v1::ResultHeader& result) {
+WriteOptions write_options_for(WriteOptions options, const v1::ResultHeader& result,
+                               const std::optional<std::array<float, 8>>& kept_primaries) {
+  options.primaries = kept_primaries;
   options.hdr.max_light_nits = result.max_light_nits();
   options.hdr.mean_light_nits = result.mean_light_nits();
   options.gain_map_max_log2 = result.gain_map_max_log2();

@@ -116,15 +116,39 @@ bool has_primaries(const v1::Settings& settings);
 // CIE xy of red, green, blue and white.
 v1::Chromaticities to_message(const std::array<float, 8>& xy);
 
-// Adds the chromaticities of the file unless the user set some.
-v1::Settings settings_for(const Image& image, v1::Settings settings);
+// Light of a display is shown as it is: at 0 EV, without bloom, and by a curve that leaves it alone, up to
+// half of white if it is brighter than the display. Each of these settings only if it has no value; the
+// exposure, too, if `exposure_given` says that something else decides it. `defaults` are those of the
+// settings before; returns those after.
+PictureDefaults show_as_it_is(PictureLight light, double peak, bool exposure_given, PictureDefaults defaults,
+                              v1::Settings& settings);
 
-// Light of a display is shown at 0 EV and without bloom, unless the settings say something of exposure or
-// bloom.
-void show_display_light(const Image& image, v1::Settings& settings);
+// How a picture is sent.
+struct PictureSettings {
+  v1::Settings settings;
+  PictureDefaults defaults;
+  // The image's, if it keeps the picture's own: then `settings` has no primaries.
+  std::optional<std::array<float, 8>> kept_primaries;
+};
+// What else than the given settings decides it.
+struct PictureFacts {
+  bool exposure_given = false;
+  bool names_primaries = false;  // as in PictureOptions
+  PictureDefaults defaults;      // of the given settings
+};
+// By show_as_it_is(), and with the chromaticities of the file unless the user set some.
+PictureSettings settings_for(const Image& image, const v1::Settings& given, const PictureFacts& facts);
+
+// INVALID_ARGUMENT for a gain map beside an SDR picture, which has no light for it. `asked`: --gain-map is
+// given.
+absl::Status check_gain_map(PictureLight light, bool asked);
+
+// A note if the settings say how to meter, and a picture of a display is not metered; else "".
+std::string not_metered_note(const Image& image, const v1::Settings& given, const PictureDefaults& defaults);
 
 // How the image of this result is written: an HDR one says how bright it is, and a JPEG may have a gain map.
-WriteOptions write_options_for(WriteOptions options, const v1::ResultHeader& result);
+WriteOptions write_options_for(WriteOptions options, const v1::ResultHeader& result,
+                               const std::optional<std::array<float, 8>>& kept_primaries);
 
 // Makes an image to write from a raw result. Alpha and pixel aspect come from the input file.
 Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect);

@@ -39,14 +39,18 @@ PictureRun::PictureRun(const RunOptions& options, const VerifyChoice& verify, co
   report_.input = input;
   report_.output = output;
   report_.error_map = verify.error_map;
-  report_.metered = options.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !run.locked();
   report_.notes = options.notes;
-  report_.curve = curve_word(options.settings);
-  report_.defaults = options.defaults;
   if (run.view() == nullptr) return;
   report_.view = run.view()->report;
   report_.curve = report_.view->view;
   add_notes(run.view()->notes);
+}
+
+void PictureRun::show(const PictureSettings& made) {
+  report_.defaults = made.defaults;
+  report_.metered = made.settings.exposure().mode() != v1::Exposure::MODE_MANUAL && !run_.locked();
+  if (!report_.view) report_.curve = curve_word(made.settings);
+  kept_primaries_ = made.kept_primaries;
 }
 
 void PictureRun::add_note(std::string note) {
@@ -74,7 +78,7 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::Im
 absl::Status PictureRun::write(const Image& picture) {
   events_.begins("writing " + report_.output);
   const absl::Time begin = absl::Now();
-  WriteOptions options = write_options_for(options_.write, report_.header);
+  WriteOptions options = write_options_for(options_.write, report_.header, kept_primaries_);
   options.gain_map = report_.gain_map;
   ASSIGN_OR_RETURN(std::vector<std::string> notes,
                    report_.output == "-"
@@ -163,6 +167,7 @@ class FrameRun {
       own_values_.assign(values.begin(), values.end());
     }
     enter_scene(view(), *image);
+    if (options_.scene_light) image->light = PictureLight::kScene;
     return image;
   }
 
@@ -196,8 +201,15 @@ class FrameRun {
     // The picture will need the memory. What came through a pipe cannot be read again.
     if (only_ && !verifies_view() && !is_piped() && !options_.gain_map_target)
       view.on_sent = [&frame] { frame.pixels = {}; };
-    v1::Settings settings = settings_for(frame, options_.settings);
-    if (options_.previous.exposure() == 0) show_display_light(frame, settings);
+    const bool gain_map = options_.settings.has_gain_map_peak_nits() || options_.gain_map_target;
+    if (absl::Status status = check_gain_map(frame.light, gain_map); !status.ok())
+      return name_file(status, job_.input);
+    PictureSettings made = settings_for(frame, options_.settings,
+                                        {run_.locked().has_value() || options_.previous.exposure() > 0,
+                                         options_.names_primaries, options_.defaults});
+    picture_.add_note(not_metered_note(frame, options_.settings, made.defaults));
+    picture_.show(made);
+    v1::Settings& settings = made.settings;
     if (options_.ignore_empty_alpha) picture_.add_note(ignore_empty_alpha(frame, settings));
     if (options_.desqueeze) picture_.add_note(desqueeze(frame, settings));
     const bool alpha = frame.has_alpha && keeps_alpha(settings);

@@ -37,6 +37,9 @@ class PictureRun {
   void add_notes(std::vector<std::string> notes);
   void add_stage(const std::string& name, double ms) { report_.stage_ms.emplace_back(name, ms); }
 
+  // How the picture is sent. Call it before take().
+  void show(const PictureSettings& made);
+
   // The call's result, but its pixels. `settings` are those that were sent, for a frame of this size.
   void take(RenderResult& result, const v1::Settings& settings, v1::ImageSize frame);
 
@@ -56,6 +59,7 @@ class PictureRun {
   const Run& run_;
   RunEvents& events_;
   RenderReport report_;
+  std::optional<std::array<float, 8>> kept_primaries_;  // of the image
   std::vector<uint16_t> error_map_;
 };
 

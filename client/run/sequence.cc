@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/algorithm/container.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
@@ -24,6 +25,7 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/string_view.h"
 #include "client/base/failure.h"
+#include "client/image/read_formats.h"
 #include "client/image/write/atomic_file.h"
 #include "client/run/frame_numbers.h"
 #include "proto/candela/v1/limits.h"
@@ -93,12 +95,12 @@ namespace {
 struct NumberedFiles {
   std::map<int64_t, std::string> files;  // at least one
   std::optional<NamePattern> names;      // without it the numbers count the files
-  std::string left_out;                  // a note that counts hidden files and names that do not fit; or ""
+  std::string left_out;                  // a note that counts files that are no frames; or ""
 };
 
 namespace fs = std::filesystem;
 
-// A file's path without its extension, because files of one sequence may have several formats.
+// A file's path without its extension, because a format may have several.
 struct Stem {
   std::string folder, name;
 };
@@ -237,10 +239,10 @@ Numbering numbering_by(const NamePattern& pattern, const std::vector<std::string
 }
 
 // One note for all files that are left out.
-std::string left_out_words(const std::vector<std::string>& hidden, const std::vector<std::string>& unfit,
+std::string left_out_words(const LeftOut& left_out, const std::vector<std::string>& unfit,
                            const std::optional<NamePattern>& names) {
   std::vector<std::string> parts;
-  if (!hidden.empty()) parts.push_back(words_of_hidden(hidden));
+  if (std::string words = words_of(left_out); !words.empty()) parts.push_back(std::move(words));
   if (!unfit.empty()) {
     const bool one = unfit.size() == 1;
     parts.push_back(absl::StrFormat("%d file%s not fit %s (%s%s)", unfit.size(),
@@ -250,6 +252,22 @@ std::string left_out_words(const std::vector<std::string>& hidden, const std::ve
   return parts.empty() ? "" : "left out: " + absl::StrJoin(parts, ", and ");
 }
 
+// Frames of one film are of one format. Others are stills beside it, or images that were made of it.
+absl::Status check_one_format(const std::vector<std::string>& paths) {
+  const std::string* first = nullptr;
+  for (const std::string& path : paths) {
+    const ReadFormat* const format = read_format_of(path);
+    if (format == nullptr) continue;
+    if (first == nullptr) first = &path;
+    if (format == read_format_of(*first)) continue;
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s is %s and %s is %s, but a sequence is of one format; --only %s or --only %s chooses", *first,
+        read_format_of(*first)->name, path, format->name, extension_of(*first).substr(1),
+        extension_of(path).substr(1)));
+  }
+  return absl::OkStatus();
+}
+
 // Finds the files that the inputs name (see find_frames) and their numbers.
 //
 // A file's number is a number in its name, and the text around it is the same in all names: the folder, what
@@ -257,10 +275,13 @@ std::string left_out_words(const std::vector<std::string>& hidden, const std::ve
 // Names that do not fit are left out if the others are at least half of all, two at the least, and no other
 // choice fits as many. Else no number counts, and the files are numbered 0, 1, 2 ... in natural order.
 //
-// NOT_FOUND if an input matches nothing, INVALID_ARGUMENT if two files have one number.
-absl::StatusOr<NumberedFiles> find_numbered_files(const std::vector<std::string>& inputs) {
-  ASSIGN_OR_RETURN(const FoundFiles found, find_frames(inputs));
+// NOT_FOUND if an input matches nothing, INVALID_ARGUMENT if two files have one number or the files are of
+// two formats.
+absl::StatusOr<NumberedFiles> find_numbered_files(const std::vector<std::string>& inputs,
+                                                  const std::vector<std::string>& only) {
+  ASSIGN_OR_RETURN(const FoundFiles found, find_frames(inputs, only));
   const std::vector<std::string>& paths = found.paths;
+  RETURN_IF_ERROR(check_one_format(paths));
   std::optional<Numbering> numbering;
   if (inputs.size() == 1) {
     ASSIGN_OR_RETURN(const std::optional<NamePattern> pattern, input_pattern(inputs.front()));
@@ -284,7 +305,7 @@ absl::StatusOr<NumberedFiles> find_numbered_files(const std::vector<std::string>
                           other->second, paths[i], *number));
     }
   }
-  numbered.left_out = left_out_words(found.hidden, unfit, numbered.names);
+  numbered.left_out = left_out_words(found.left_out, unfit, numbered.names);
   return numbered;
 }
 
@@ -430,7 +451,7 @@ size_t Sequence::index_of(uint64_t session_number) const {
 }
 
 absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice) {
-  ASSIGN_OR_RETURN(NumberedFiles found, find_numbered_files(choice.inputs));
+  ASSIGN_OR_RETURN(NumberedFiles found, find_numbered_files(choice.inputs, choice.only));
   Sequence sequence;
   sequence.names = std::move(found.names);
   sequence.files = std::move(found.files);
@@ -483,11 +504,6 @@ absl::Status check_media_time(const Sequence& sequence, FrameRate rate) {
 
 namespace {
 
-bool is_image(const fs::path& path) {
-  const std::string extension = absl::AsciiStrToLower(path.extension().string());
-  return extension == ".exr" || extension == ".hdr" || extension == ".pfm";
-}
-
 // False if the path cannot be examined; reading or writing it will then say why.
 bool is_there_as_folder(const std::string& path) {
   std::error_code failed;
@@ -520,41 +536,68 @@ std::vector<std::string> files_by_number(const NamePattern& pattern) {
   return files;
 }
 
-// Adds the folder's images. Hidden ones are no frames: macOS keeps a file's attributes in ._x.exr.
-absl::Status add_folder(const std::string& folder, std::vector<std::string>& files,
-                        std::vector<std::string>& hidden) {
+// Adds the folder's files. Hidden ones are no frames: macOS keeps a file's attributes in ._x.exr.
+absl::Status add_folder(const std::string& folder, std::vector<std::string>& files, LeftOut& left_out) {
   std::error_code failed;
-  const size_t had = files.size(), had_hidden = hidden.size();
   for (fs::directory_iterator at(folder, failed), end; !failed && at != end; at.increment(failed)) {
-    if (!is_image(at->path()) || at->is_directory(failed)) continue;
+    std::error_code gone;
+    if (at->is_directory(gone)) continue;
+    const std::string path = at->path().string();
     const bool hides = at->path().filename().string().front() == '.';
-    (hides ? hidden : files).push_back(at->path().string());
+    const bool is_image = read_format_of(path) != nullptr;
+    if (hides && is_image) left_out.hidden.push_back(path);
+    if (!hides) files.push_back(path);
   }
   if (failed) return absl::ErrnoToStatus(failed.value(), absl::StrFormat("%s: cannot read", folder));
-  if (files.size() > had) return absl::OkStatus();
-  const std::string but =
-      hidden.size() > had_hidden ? absl::StrFormat(" but %s", words_of_hidden(hidden)) : std::string();
-  return absl::NotFoundError(
-      absl::StrFormat("%s: the folder contains no .exr, .hdr or .pfm file%s; "
-                      "name another folder, or a pattern such as 'in/*.exr'",
-                      folder, but));
+  return absl::OkStatus();
 }
 
-absl::Status add_files(const std::string& input, std::vector<std::string>& files,
-                       std::vector<std::string>& hidden) {
+// Adds what the input is by its name: a folder's files, a file, or what a pattern matches.
+absl::Status add_named(const std::string& input, std::vector<std::string>& files, LeftOut& left_out) {
   std::error_code ignored;
-  if (fs::is_directory(input, ignored)) return add_folder(input, files, hidden);
+  if (fs::is_directory(input, ignored)) return add_folder(input, files, left_out);
   if (fs::exists(input, ignored)) {
     files.push_back(input);
     return absl::OkStatus();
   }
   const absl::StatusOr<std::optional<NamePattern>> pattern = input_pattern(input);
   if (!pattern.ok()) return pattern.status();
-  const std::vector<std::string> found = *pattern ? files_by_number(**pattern) : files_by_glob(input);
-  files.insert(files.end(), found.begin(), found.end());
-  if (!found.empty()) return absl::OkStatus();
+  files = *pattern ? files_by_number(**pattern) : files_by_glob(input);
+  if (!files.empty()) return absl::OkStatus();
   return absl::NotFoundError(absl::StrFormat(
       "%s: no such file; give a folder, files, or a pattern such as 'in/*.exr' or in/%%04d.exr", input));
+}
+
+absl::Status nothing_in(const std::string& input, const std::vector<std::string>& only,
+                        const LeftOut& left_out) {
+  const std::string words = words_of(left_out);
+  return absl::NotFoundError(absl::StrFormat(
+      "%s: there is no %s file%s; name another folder, or a pattern such as 'in/*.exr'", input,
+      only.empty() ? read_extensions() : absl::StrJoin(only, " or "), words.empty() ? "" : " but " + words));
+}
+
+// Adds those of one input that are taken, which may be none because of `only`.
+absl::Status add_files(const std::string& input, const std::vector<std::string>& only,
+                       std::vector<std::string>& taken, LeftOut& left_out) {
+  std::vector<std::string> files;
+  LeftOut here;
+  RETURN_IF_ERROR(add_named(input, files, here));
+  const bool is_folder = is_there_as_folder(input);
+  const auto is_taken = [&](const std::string& file) {
+    if (!only.empty()) return absl::c_linear_search(only, extension_of(file));
+    return !is_folder || read_format_of(file) != nullptr;
+  };
+  const auto others = std::stable_partition(files.begin(), files.end(), is_taken);
+  here.others.assign(others, files.end());
+  files.erase(others, files.end());
+  if (files.empty() && only.empty()) return nothing_in(input, only, here);
+  const auto append = [](std::vector<std::string>& to, const std::vector<std::string>& from) {
+    to.insert(to.end(), from.begin(), from.end());
+  };
+  append(taken, files);
+  append(left_out.hidden, here.hidden);
+  append(left_out.others, here.others);
+  return absl::OkStatus();
 }
 
 // A number within a text.
@@ -606,24 +649,32 @@ bool natural_less(const std::string& a, const std::string& b) {
   return a < b;
 }
 
-std::string words_of_hidden(const std::vector<std::string>& hidden) {
-  if (hidden.empty()) return "";
-  return absl::StrFormat("%d hidden file%s (%s%s)", hidden.size(), hidden.size() == 1 ? "" : "s",
-                         hidden.front(), hidden.size() == 1 ? "" : " ...");
+std::string words_of(const LeftOut& left_out) {
+  std::vector<std::string> parts;
+  const auto add = [&parts](const std::vector<std::string>& files, const char* one, const char* several) {
+    if (files.empty()) return;
+    parts.push_back(absl::StrFormat("%d %s (%s%s)", files.size(), files.size() == 1 ? one : several,
+                                    files.front(), files.size() == 1 ? "" : " ..."));
+  };
+  add(left_out.hidden, "hidden file", "hidden files");
+  add(left_out.others, "file of another kind", "files of other kinds");
+  return absl::StrJoin(parts, ", and ");
 }
 
-absl::StatusOr<FoundFiles> find_frames(const std::vector<std::string>& inputs) {
-  std::vector<std::string> files, hidden;
+absl::StatusOr<FoundFiles> find_frames(const std::vector<std::string>& inputs,
+                                       const std::vector<std::string>& only) {
+  FoundFiles found;
   for (const std::string& input : inputs) {
-    RETURN_IF_ERROR(add_files(input, files, hidden));
+    RETURN_IF_ERROR(add_files(input, only, found.paths, found.left_out));
   }
-  const auto sorted = [](const std::vector<std::string>& paths) {
-    const std::set<std::string> once(paths.begin(), paths.end());
-    std::vector<std::string> in_order(once.begin(), once.end());
-    std::sort(in_order.begin(), in_order.end(), natural_less);
-    return in_order;
-  };
-  return FoundFiles{sorted(files), sorted(hidden)};
+  if (found.paths.empty()) return nothing_in(inputs.front(), only, found.left_out);
+  for (std::vector<std::string>* const paths :
+       {&found.paths, &found.left_out.hidden, &found.left_out.others}) {
+    const std::set<std::string> once(paths->begin(), paths->end());
+    paths->assign(once.begin(), once.end());
+    std::sort(paths->begin(), paths->end(), natural_less);
+  }
+  return found;
 }
 
 absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const std::string& extension) {

@@ -60,6 +60,7 @@ enum class MissingFrames {
 // What the user says about a sequence.
 struct SequenceChoice {
   std::vector<std::string> inputs = {};  // files, patterns and folders
+  std::vector<std::string> only = {};    // see find_frames()
   std::vector<NumberRange> range = {};   // empty: from the first file to the last
   MissingFrames missing = MissingFrames::kError;
   std::vector<int64_t> cuts = {};      // numbers of frames that begin a scene, ascending
@@ -108,9 +109,9 @@ struct Sequence {
 
 // Finds the files and their numbers, as find_numbered_files() does. Files whose names have no number in
 // common are frames 0, 1, 2 ... in the natural order of their names. Notes say this and what is left out.
-// NOT_FOUND if an input matches nothing or a frame is missing that may not be; INVALID_ARGUMENT if two files
-// have the same number, or a frame lies before the choice's zero, or a cut before it, or without one a cut
-// outside of the files. Reads no file.
+// NOT_FOUND if an input matches nothing or a frame is missing that may not be; INVALID_ARGUMENT if the files
+// are of two formats or two have the same number, or a frame lies before the choice's zero, or a cut before
+// it, or without one a cut outside of the files. Reads no file.
 absl::StatusOr<Sequence> find_sequence(const SequenceChoice& choice);
 
 // The frame rate of a sequence, and where it comes from.
@@ -134,18 +135,27 @@ absl::Status check_media_time(const Sequence& sequence, FrameRate rate);
 // frame.-1.
 bool natural_less(const std::string& a, const std::string& b);
 
-struct FoundFiles {
-  std::vector<std::string> paths;   // each file once, in natural order
-  std::vector<std::string> hidden;  // image files of folders that are left out: names like .x hide them
+// Files that are no inputs although they are where the inputs are.
+struct LeftOut {
+  std::vector<std::string> hidden = {};  // images in folders whose names, such as .x, hide them
+  std::vector<std::string> others = {};  // files in folders that are no images, or what --only leaves out
 };
 
-// "2 hidden files (in/._a.exr ...)"; "" if there are none.
-std::string words_of_hidden(const std::vector<std::string>& hidden);
+// "2 hidden files (in/._a.exr ...)", "1 file of another kind (in/notes.txt)", or both; "" if there are none.
+std::string words_of(const LeftOut& left_out);
 
-// Finds the image files (.exr, .hdr, .pfm) that the inputs name. An input is a file, a folder, a pattern with
-// * and ?, or a pattern with a number (see NamePattern). A file that has a pattern's own name is just that
-// file. NOT_FOUND if an input matches nothing.
-absl::StatusOr<FoundFiles> find_frames(const std::vector<std::string>& inputs);
+struct FoundFiles {
+  std::vector<std::string> paths;  // each file once, in natural order
+  LeftOut left_out = {};
+};
+
+// Finds the files that the inputs name. An input is a file, a folder, a pattern with * and ?, or a pattern
+// with a number (see NamePattern). A file that has a pattern's own name is just that file. A folder is its
+// files of the formats that are read, by their extensions; its folders are not looked into. If `only` has
+// extensions, in lower case with their dots, files of these alone are taken, whatever names them. NOT_FOUND
+// if an input matches nothing.
+absl::StatusOr<FoundFiles> find_frames(const std::vector<std::string>& inputs,
+                                       const std::vector<std::string>& only = {});
 
 // The number in an input's name. Nothing if it is a folder, a file or a pattern with * and ? instead.
 absl::StatusOr<std::optional<NamePattern>> input_pattern(const std::string& input);

@@ -409,6 +409,9 @@ absl::StatusOr<RunSummary> render_sequence(const StreamOptions& options, const S
                  .view = run.run().view(),
                  .ignore_empty_alpha = options.ignore_empty_alpha,
                  .desqueeze = options.desqueeze,
+                 .scene_light = options.scene_light,
+                 .names_primaries = options.names_primaries,
+                 .defaults = options.defaults,
                  .exposures = shot.given()};
   events.begins("reading " + (piped ? kStdinName : plan.images.front().input));
   PipedFrameReader* stream = nullptr;

@@ -20,7 +20,8 @@ bool take_input_of(const v1::Settings& own, v1::Settings& settings) {
   };
   if (own.alpha() == settings.alpha() && same(own.input_chromaticities(), settings.input_chromaticities()) &&
       same(own.output_size(), settings.output_size()) && same(own.exposure(), settings.exposure()) &&
-      same(own.bloom(), settings.bloom())) {
+      same(own.bloom(), settings.bloom()) && own.curve() == settings.curve() &&
+      own.source_peak_nits() == settings.source_peak_nits()) {
     return false;
   }
   settings.set_alpha(own.alpha());
@@ -30,6 +31,9 @@ bool take_input_of(const v1::Settings& own, v1::Settings& settings) {
   if (own.has_exposure()) *settings.mutable_exposure() = own.exposure();
   settings.clear_bloom();
   if (own.has_bloom()) *settings.mutable_bloom() = own.bloom();
+  settings.set_curve(own.curve());
+  settings.clear_source_peak_nits();
+  if (own.has_source_peak_nits()) settings.set_source_peak_nits(own.source_peak_nits());
   settings.clear_output_size();
   if (own.has_output_size()) *settings.mutable_output_size() = own.output_size();
   return true;
@@ -126,7 +130,6 @@ SessionRun::SessionRun(const SessionRunOptions& options, RunEvents& events)
     : options_(options), events_(events), run_(options, events) {}
 
 absl::Status SessionRun::prepare(v1::Settings settings) {
-  summary_.defaults = options_.defaults;
   RETURN_IF_ERROR(run_.bake());
   if (const auto& view = run_.view()) {
     show_by(*view, settings);
@@ -213,6 +216,7 @@ absl::Status SessionRun::take(FrameResult& result, FrameFacts facts, FrameSink& 
   progress_.exposure = frame.header.exposure();
   add_notes_on(frame);
   summary_.primaries.insert(words_of(frame.facts.primaries));
+  summary_.defaults = frame.facts.defaults;
   summary_.curve.push_back({.frame = frame.facts.number,
                             .media_time_ns = frame.facts.media_time_ns,
                             .exposure = frame.header.exposure(),

@@ -31,13 +31,14 @@ class ViewFrames : public FrameSource {
   // `environment` is the id of the panorama `file` on the server. `exposure` is that of all frames, if it is
   // given. The options, the scene and the file must outlive this.
   ViewFrames(const PanoramaViewOptions& options, const ViewScene& scene, const PanoramaFile& file,
-             std::string environment, std::optional<double> exposure)
+             std::string environment, std::optional<double> exposure, v1::Settings settings)
       : options_(options),
         scene_(scene),
         file_(file),
         environment_(std::move(environment)),
         exposure_(exposure),
-        settings_(without_panorama(options.settings)) {}
+        settings_(std::move(settings)),
+        defaults_(show_as_it_is(file.light, file.peak, exposure.has_value(), options.defaults, settings_)) {}
 
   uint64_t frames() const override { return scene_.frames(); }
   std::optional<SourceFrame> next() override;
@@ -48,7 +49,8 @@ class ViewFrames : public FrameSource {
   const PanoramaFile& file_;
   const std::string environment_;
   const std::optional<double> exposure_;
-  const v1::Settings settings_;
+  v1::Settings settings_;
+  const PictureDefaults defaults_;
   uint64_t next_ = 0;
 };
 
@@ -67,6 +69,7 @@ std::optional<SourceFrame> ViewFrames::next() {
       .pixel_aspect = image_pixel_aspect({options_.width, options_.height}, 1, settings_.output_size()),
       .frame_rate = scene_.rate(),
       .primaries = file_.primaries,
+      .defaults = defaults_,
       .missing_pixels = file_.missing_pixels};
   made.frame = {.width = options_.width,
                 .height = options_.height,
@@ -127,6 +130,10 @@ class ViewRun {
     picture_.report().missing_pixels = file.missing_pixels;
     picture_.add_notes(std::move(file.notes));
     panorama_ = std::move(file.panorama);
+    const bool given = run_.locked().has_value() || options_.previous.exposure() > 0;
+    const PictureDefaults defaults =
+        show_as_it_is(file.light, file.peak, given, options_.defaults, settings_);
+    picture_.show({settings_, defaults, {}});
     return absl::OkStatus();
   }
 
@@ -223,12 +230,14 @@ absl::StatusOr<RunSummary> render_views(const PanoramaViewOptions& options, cons
   summary.last = static_cast<int64_t>(scene.frames()) - 1;
   summary.rate = choose_rate(options.rate, std::nullopt);
   RETURN_IF_ERROR(views.prepare(without_panorama(options.settings)));
+  v1::Settings settings = views.session().settings;  // as the view shows them
+  settings.clear_table();                            // the session's
   RETURN_IF_ERROR(views.run().read_exposure());
   ASSIGN_OR_RETURN(const PanoramaFile file, read(options, views.run(), events));
   summary.notes.insert(file.notes.begin(), file.notes.end());
   ASSIGN_OR_RETURN(const v1::Environment environment, put(options, *file.panorama, views.run(), events));
   if (const std::string bad = bad_values_note(environment); !bad.empty()) summary.notes.insert(bad);
-  ViewFrames frames(options, scene, file, environment.id(), views.run().locked());
+  ViewFrames frames(options, scene, file, environment.id(), views.run().locked(), std::move(settings));
   ImageFiles images([&outputs](const FrameFacts& frame) { return outputs.at(frame.place); }, options.write,
                     events, summary);
   RETURN_IF_ERROR(views.render(frames, images));

@@ -2,7 +2,9 @@
 #include <lcms2.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
+#include <string>
 
 #include "server/encode/picture.h"
 
@@ -22,29 +24,30 @@ cmsToneCurve* make_curve(EncodedTransfer transfer) {
   return cmsBuildGamma(nullptr, transfer == EncodedTransfer::kGamma22 ? 2.2 : 1.0);
 }
 
-const char* description(EncodedTransfer transfer) {
+const char* words_of(EncodedTransfer transfer) {
   return transfer == EncodedTransfer::kSrgb      ? "sRGB"
-         : transfer == EncodedTransfer::kGamma22 ? "Rec.709, gamma 2.2"
-                                                 : "Rec.709, linear";
+         : transfer == EncodedTransfer::kGamma22 ? "gamma 2.2"
+                                                 : "linear";
 }
 
-void describe(cmsHPROFILE profile, EncodedTransfer transfer) {
+void describe(cmsHPROFILE profile, const std::string& description) {
   cmsMLU* words = cmsMLUalloc(nullptr, 1);
   if (words == nullptr) return;
-  cmsMLUsetASCII(words, "en", "US", description(transfer));
+  cmsMLUsetASCII(words, "en", "US", description.c_str());
   cmsWriteTag(profile, cmsSigProfileDescriptionTag, words);
   cmsMLUfree(words);
 }
 
-std::string make_profile(EncodedTransfer transfer) {
-  const cmsCIExyY white = {0.3127, 0.3290, 1};
-  const cmsCIExyYTRIPLE primaries = {{0.64, 0.33, 1}, {0.30, 0.60, 1}, {0.15, 0.06, 1}};
+std::string make_profile(EncodedTransfer transfer, const std::array<double, 8>& xy,
+                         const std::string& description) {
+  const cmsCIExyY white = {xy[6], xy[7], 1};
+  const cmsCIExyYTRIPLE primaries = {{xy[0], xy[1], 1}, {xy[2], xy[3], 1}, {xy[4], xy[5], 1}};
   cmsToneCurve* curve = make_curve(transfer);
   cmsToneCurve* curves[] = {curve, curve, curve};
   const Profile profile(curve != nullptr ? cmsCreateRGBProfile(&white, &primaries, curves) : nullptr);
   cmsFreeToneCurve(curve);
   if (profile == nullptr) return "";
-  describe(profile.get(), transfer);
+  describe(profile.get(), description);
   cmsUInt32Number size = 0;
   if (!cmsSaveProfileToMem(profile.get(), nullptr, &size)) return "";
   std::string bytes(size, '\0');
@@ -60,14 +63,23 @@ std::string make_profile(EncodedTransfer transfer) {
 }  // namespace
 
 const std::string& icc_profile(EncodedTransfer transfer) {
-  static const std::string srgb = make_profile(EncodedTransfer::kSrgb);
-  static const std::string gamma22 = make_profile(EncodedTransfer::kGamma22);
-  static const std::string linear = make_profile(EncodedTransfer::kLinear);
+  const auto of_rec709 = [](EncodedTransfer one, const char* description) {
+    return make_profile(one, {0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290}, description);
+  };
+  static const std::string srgb = of_rec709(EncodedTransfer::kSrgb, "sRGB");
+  static const std::string gamma22 = of_rec709(EncodedTransfer::kGamma22, "Rec.709, gamma 2.2");
+  static const std::string linear = of_rec709(EncodedTransfer::kLinear, "Rec.709, linear");
   static const std::string none;
   return transfer == EncodedTransfer::kSrgb      ? srgb
          : transfer == EncodedTransfer::kGamma22 ? gamma22
          : transfer == EncodedTransfer::kLinear  ? linear
                                                  : none;
+}
+
+std::string icc_profile(EncodedTransfer transfer, const std::array<float, 8>& xy, const std::string& name) {
+  std::array<double, 8> of{};
+  std::ranges::copy(xy, of.begin());
+  return make_profile(transfer, of, name + ", " + words_of(transfer));
 }
 
 }  // namespace candela

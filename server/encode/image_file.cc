@@ -48,8 +48,14 @@ absl::StatusOr<std::string> encode_image(const PictureView& picture, const v1::S
   const std::optional<GainMapCodes> map = gain_map_in_alpha(picture, facts.gain_map_max_log2);
   RETURN_IF_ERROR(
       encoding == v1::ENCODING_JPEG
-          ? encode_jpeg(picture, {quality, transfer, map ? &*map : nullptr}, append)
-          : encode_png(picture, {!opaque && keeps_alpha(settings), transfer, facts.hdr, {}, 1}, append));
+          ? encode_jpeg(picture,
+                        {.quality = quality, .transfer = transfer, .gain_map = map ? &*map : nullptr}, append)
+          : encode_png(picture,
+                       {.alpha = !opaque && keeps_alpha(settings),
+                        .transfer = transfer,
+                        .hdr = facts.hdr,
+                        .threads = 1},
+                       append));
   file.shrink_to_fit();  // it may wait for a slow client
   return file;
 }

@@ -183,7 +183,8 @@ absl::Status encode_base(const PictureView& picture, const JpegOptions& options,
   const JpegCodes codes{picture.width,        picture.height,           JpegPixel::kRgbx,
                         picture.rows,         picture.row_stride_bytes, picture.aspect_width,
                         picture.aspect_height};
-  return encode_jpeg_codes(codes, options.quality, icc_profile(options.transfer), sink);
+  return encode_jpeg_codes(codes, options.quality,
+                           options.profile.empty() ? icc_profile(options.transfer) : options.profile, sink);
 }
 
 }  // namespace

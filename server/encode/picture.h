@@ -1,6 +1,7 @@
 // A finished picture and its encoders. The client uses them too.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -44,7 +45,8 @@ using ByteSink = absl::FunctionRef<bool(const void* bytes, size_t count)>;
 struct PngOptions {
   bool alpha = false;  // else the fourth component is dropped
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
-  HdrDisplay hdr{};                                         // with the transfers kPq and kHlg
+  HdrDisplay hdr{};       // with the transfers kPq and kHlg
+  std::string profile{};  // an ICC profile in place of chunks for the primaries of Rec.709 and the transfer
   std::vector<std::pair<std::string, std::string>> text{};  // keyword and text, Latin-1
   // That encode stripes of the picture at the same time. 0: one for each CPU of this process that no other
   // picture is being encoded on, and one at least.
@@ -61,8 +63,9 @@ struct GainMapCodes;
 
 struct JpegOptions {
   int quality = 92;  // 1 .. 100
-  // The file carries an ICC profile of it, or none if it is unknown.
+  // The file carries an ICC profile of it and Rec.709, or none if it is unknown.
   EncodedTransfer transfer = EncodedTransfer::kSrgb;
+  std::string profile{};  // in place of that one
   // Makes a gain-map JPEG, whose base is the file without one. The picture's fourth component is not used.
   const GainMapCodes* gain_map = nullptr;
 };
@@ -75,5 +78,8 @@ absl::Status encode_jpeg(const PictureView& picture, const JpegOptions& options,
 // A profile (ICC.1:2010) of Rec.709 primaries, D65 and this transfer. "" if the transfer is unknown or memory
 // runs out. The same transfer gives the same bytes. Any thread; the profile is made once.
 const std::string& icc_profile(EncodedTransfer transfer);
+// The same of other primaries: CIE 1931 xy of red, green, blue and white. `name` is that of its description,
+// ASCII.
+std::string icc_profile(EncodedTransfer transfer, const std::array<float, 8>& xy, const std::string& name);
 
 }  // namespace candela

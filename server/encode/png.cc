@@ -558,7 +558,11 @@ bool write_head(png_structp png, png_infop info, ByteSink& sink, const PictureVi
   png_set_IHDR(png, info, picture.width, picture.height, picture.wide ? 16 : 8,
                options.alpha ? PNG_COLOR_TYPE_RGBA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  if (transfer == EncodedTransfer::kSrgb) {
+  if (!options.profile.empty()) {
+    png_set_iCCP(png, info, "profile", PNG_COMPRESSION_TYPE_BASE,
+                 reinterpret_cast<png_const_bytep>(options.profile.data()),
+                 static_cast<png_uint_32>(options.profile.size()));
+  } else if (transfer == EncodedTransfer::kSrgb) {
     png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
   } else if (!is_hdr(transfer) && transfer != EncodedTransfer::kUnknown) {
     png_set_gAMA(png, info, transfer == EncodedTransfer::kGamma22 ? 1 / 2.2 : 1.0);

@@ -6,7 +6,7 @@
 // does the rest. Between them the light is cut at 0.
 //
 // Sources:
-// reinhard, reinhard-extended: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002.
+// reinhard, reinhard-extended, the upper half of shoulder: E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002.
 // aces-narkowicz: K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016.
 // aces-hill: S. Hill's fit of the ACES RRT and ODT, published in M. Pettineo's BakingLab.
 // hable: J. Hable, "Filmic Tonemapping Operators", 2010.
@@ -85,6 +85,17 @@ vec3 pbr_neutral(vec3 x) {
   return mix(mix(x * (new_peak / peak), vec3(new_peak), desaturated), x, bvec3(peak < start));
 }
 
+// A brighter display's light, up to `peak`, where white is 1. One factor for the three components keeps their hue.
+// Up to half of white it is 1. Above it the largest component follows Reinhard's extended curve, which has slope 1
+// there and ends at white.
+vec3 shoulder(vec3 x, float peak) {
+  float largest = max(max(x.r, x.g), x.b);
+  float end = 2.0 * peak - 1.0;
+  float u = at_most(2.0 * largest - 1.0, end);
+  float shown = 0.5 + 0.5 * u * (1.0 + u / (end * end)) / (1.0 + u);
+  return x * mix(shown / at_least(largest, 0.5), 1.0, largest < 0.5);
+}
+
 // The tone curve of curve_light() x >= 0, clamped to [0, 1]. `white` is curve_white of the parameters.
 vec3 curve(vec3 x, float white) {
   vec3 y = x;
@@ -98,6 +109,7 @@ vec3 curve(vec3 x, float white) {
   if (CURVE == CURVE_HABLE) y = hable(x);
   if (CURVE == CURVE_AGX) y = agx(x);
   if (CURVE == CURVE_PBR_NEUTRAL) y = pbr_neutral(x);
+  if (CURVE == CURVE_SHOULDER) y = shoulder(x, white);
   if (CURVE == CURVE_BT2390) y = bt2390(x, white, p.peak_signal, p.display_peak);
   if (CURVE == CURVE_ACES_1 || CURVE == CURVE_TABLE) y = from_table(look_up(x));
   if (CURVE == CURVE_TABLE_AP1) y = from_table(look_up(within_axes(x)));

@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "tests/cli/command.h"
 #include "tests/cli/stream_fixture.h"
@@ -79,6 +81,21 @@ TEST_F(Contact, ABrokenImageIsNamedAndTheOthersAreThere) {
   std::filesystem::remove(sheet());
   EXPECT_EQ(candela({"contact", in() + "/0001.exr", sheet(), "-q"}).code, 3);
   EXPECT_FALSE(std::filesystem::exists(sheet()));
+}
+
+// The letters are ASCII, so others are their numbers.
+TEST_F(Contact, NamesOfEveryScriptCanBeToldApart) {
+  make_frames(2);
+  std::set<std::string> sheets;
+  const std::vector<std::string> names = {"\u753b\u50cf", "\u5199\u771f", "e",     "\u00e9", "e\u0301",
+                                          "\U0001f600",   "\xff",         "<E9>.", "<FF>"};
+  for (const std::string& name : names) {
+    const std::string file = folder_.path(name + ".exr");
+    std::filesystem::copy_file(in() + "/0000.exr", file);
+    ASSERT_EQ(candela({"contact", file, sheet(), "-q"}).code, 0) << name;
+    sheets.insert(read_file(sheet()));
+  }
+  EXPECT_EQ(sheets.size(), names.size());
 }
 
 TEST_F(Contact, WhatCannotBeIsSaid) {

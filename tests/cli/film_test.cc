@@ -183,7 +183,7 @@ TEST_F(Films, AFilmWithoutLossIsWithinTwoCodesOfThePngs) {
   const std::string command =
       absl::StrReplaceAll(told.err.substr(6, told.err.find('\n') - 6), {{"-crf 18", "-qp 0"}});
   const std::string frames = folder_.path("frames.y4m");
-  write_file(frames, candela({"stream", in(), "-", "-q", "--pipe", "y4m444"}).out);
+  write_file(frames, candela({"stream", in(), "-", "-q", "--pipe", "y4m444", "--pipe-matrix", "bt709"}).out);
   ASSERT_EQ(std::system((command + " < " + frames).c_str()), 0);
   EXPECT_TRUE(says(facts(film("a.mkv")), "profile=High 4:4:4 Predictive"));
   const Distance distance = from_pngs(decoded(film("a.mkv")));
@@ -205,7 +205,7 @@ TEST_F(Films, VerboseSaysACommandLineThatMakesTheSame) {
   ASSERT_TRUE(outcome.err.starts_with(begin)) << outcome.err;
   const std::string command = outcome.err.substr(6, outcome.err.find('\n') - 6);
   const std::string frames = folder_.path("frames.y4m");
-  write_file(frames, candela({"stream", in(), "-", "-q", "--fps", "12"}).out);
+  write_file(frames, candela({"stream", in(), "-", "-q", "--fps", "12", "--pipe-matrix", "bt709"}).out);
   ASSERT_EQ(std::system((command + " < " + frames).c_str()), 0);
   EXPECT_EQ(read_file(told), first);
 }
@@ -224,6 +224,7 @@ TEST_F(Films, WhatCannotBeIsSaidInOneLine) {
   refused("a.mov", {"--codec", "prores", "--bits", "8"}, 2, "prores has 10 bits");
   refused("a.mp4", {"--bits", "16"}, 2, "--bits 16 is for");
   refused("a.mp4", {"--pipe", "pam"}, 2, "a film is of y4m");
+  refused("a.mp4", {"--pipe-matrix", "bt601"}, 2, "a film names its matrix; leave it out");
   refused("a.mp4", {"--quality", "9"}, 2, "--quality is for .jpg");
   refused("a.mp4", {"--encoding", "png"}, 2, "where --codec chooses");
   refused("%04d.png", {"--codec", "h264"}, 2, "--codec h264 is for films");

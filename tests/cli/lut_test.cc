@@ -169,6 +169,14 @@ TEST_F(Lut, AnImageIsWhatOpenColorIOShows) {
   }
 }
 
+TEST_F(Lut, ADomainBelow0GetsANote) {
+  const auto notes = [&](const char* domain) {
+    return candela({"render", in_, out_, "--lut", identity_, "--lut-domain", domain}).err;
+  };
+  EXPECT_TRUE(says(notes("-0.125,1"), "the LUT's domain begins below 0"));
+  EXPECT_EQ(notes("0,1").find("below 0"), std::string::npos);
+}
+
 TEST_F(Lut, WhatDoesNotGoTogetherIsRefused) {
   const auto refused = [&](std::vector<std::string> more, int code, const std::string& words) {
     std::vector<std::string> all = {"render", in_, out_};
@@ -188,6 +196,11 @@ TEST_F(Lut, WhatDoesNotGoTogetherIsRefused) {
   }
   refused({"--lut", folder_.path("none.cube")}, 3, "no such file; --lut takes a LUT");
   refused({"--lut", in_}, 3, "it is an image; --lut takes a LUT");
+  std::string commas = "TITLE \"1,5\"\n" + cube(1.0);
+  commas.replace(commas.find("0.0625"), 6, "0,0625");
+  write_file(folder_.path("comma.cube"), commas);
+  refused({"--lut", folder_.path("comma.cube")}, 3,
+          "comma.cube: line 4, \"0,0625 0 0\": numbers in a LUT have decimal points");
   write_file(folder_.path("bad.cube"), "LUT_3D_SIZE 2\n0 0 0\n");
   refused({"--lut", folder_.path("bad.cube")}, 3, "OpenColorIO cannot use it");
 }

@@ -212,9 +212,9 @@ TEST_F(Pipes, AVideoIsThePicturesOf16BitsInYcbcr) {
       for (size_t at = 0; at < 33 * 17; ++at) {
         double rgb[3];
         for (size_t c = 0; c < 3; ++c) rgb[c] = pictures[i].codes[3 * at + c] / 65535.0;
-        const double y = .2126 * rgb[0] + .7152 * rgb[1] + .0722 * rgb[2];
-        const double wanted[3] = {16 + 219 * y, 128 + 224 * (rgb[2] - y) / 1.8556,
-                                  128 + 224 * (rgb[0] - y) / 1.5748};
+        const double y = .299 * rgb[0] + .587 * rgb[1] + .114 * rgb[2];  // BT.601, of so few lines
+        const double wanted[3] = {16 + 219 * y, 128 + 224 * (rgb[2] - y) / 1.772,
+                                  128 + 224 * (rgb[0] - y) / 1.402};
         for (size_t plane = 0; plane < 3; ++plane) {
           most = std::max(most, std::fabs(frames[i].codes[plane * 33 * 17 + at] - scale * wanted[plane]));
         }

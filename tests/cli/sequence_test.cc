@@ -345,6 +345,60 @@ TEST_F(Folder, TwoImagesOfOneNameAreRefusedBeforeAnythingIsRendered) {
   EXPECT_NE(stat(out("").c_str(), &about), 0);
 }
 
+TEST_F(Folder, EveryFormatIsRenderedAndOtherFilesAreCounted) {
+  ASSERT_EQ(candela({"render", in("a.exr"), in("c.png"), "-q"}).code, 0);
+  ASSERT_EQ(candela({"render", in("a.exr"), in("d.JPG"), "-q"}).code, 0);
+  write_file(in("notes.txt"), "");
+  const Outcome all = candela({"render", in(""), out("")});
+  EXPECT_EQ(all.code, 0) << all.err;
+  EXPECT_TRUE(says(all.out, "5 of 5 images")) << all.out;
+  EXPECT_TRUE(says(all.err, "left out: 1 file of another kind (" + in("notes.txt") + ")")) << all.err;
+  const Outcome some = candela({"render", in(""), out(""), "--only", "png,jpg"});
+  EXPECT_TRUE(says(some.out, "2 of 2 images")) << some.out;
+  EXPECT_TRUE(says(some.err, "left out: 4 files of other kinds (" + in("a.exr") + " ...)")) << some.err;
+}
+
+// What a run wrote beside its inputs is nobody's input.
+TEST_F(Folder, OutputsAreNeverReadAgain) {
+  ASSERT_EQ(candela({"render", in(""), in("out/"), "-q"}).code, 0);
+  EXPECT_TRUE(says(candela({"render", in(""), in("out/")}).out, "3 of 3 images"));
+  ASSERT_EQ(candela({"render", in(""), in(""), "-q"}).code, 0);
+  const Outcome again = candela({"render", in(""), in("")});
+  EXPECT_EQ(again.code, 2);
+  EXPECT_TRUE(says(again.err, in("a.exr") + " and " + in("a.png") + " would both become " + in("a.png") +
+                                  "; --only exr takes the first"))
+      << again.err;
+  EXPECT_TRUE(says(candela({"render", in(""), in(""), "--only", "exr"}).out, "3 of 3 images"));
+  for (int run = 0; run < 2; ++run) {
+    const Outcome sheet = candela({"contact", in(""), in("sheet.jpg"), "--only", "exr,jpg"});
+    EXPECT_TRUE(says(sheet.out, "3 of 3 images")) << sheet.out << sheet.err;
+  }
+  ASSERT_EQ(candela({"stream", in("b#.exr"), in("%04d.png"), "-q", "--missing", "skip"}).code, 0);
+  const Outcome mixed = candela({"stream", in(""), in("%04d.png")});
+  EXPECT_EQ(mixed.code, 3);
+  EXPECT_TRUE(says(mixed.err, "a sequence is of one format; --only ")) << mixed.err;
+}
+
+TEST_F(Folder, InfoDescribesFoldersPatternsAndStandardInput) {
+  write_file(in("notes.txt"), "");
+  const Outcome folder = candela({"info", in(""), "--json", "-"});
+  EXPECT_EQ(folder.code, 0) << folder.err;
+  EXPECT_TRUE(says(folder.err, "left out: 1 file of another kind"));
+  const std::vector<nlohmann::json> all = lines(folder);
+  ASSERT_EQ(all.size(), 3u) << folder.out;
+  for (size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(all[i].at("file"), in(std::vector<std::string>{"a.exr", "b2.exr", "b10.exr"}[i]));
+  }
+  EXPECT_EQ(lines(candela({"info", in("b*.exr"), "--json", "-"})).size(), 2u);
+  const Outcome piped = candela_in_shell("exec <" + in("a.exr"), {"info", "-", "--json", "-"});
+  EXPECT_EQ(piped.code, 0) << piped.err;
+  nlohmann::json file = all[0];
+  file["file"] = "-";
+  EXPECT_EQ(lines(piped), std::vector<nlohmann::json>{file});
+  EXPECT_EQ(candela_in_shell("exec <" + in("notes.txt"), {"info", "-"}).code, 3);
+  EXPECT_EQ(candela({"info", "-", in("a.exr")}).code, 2);
+}
+
 TEST_F(Folder, AServerThatIsNotThereIsOneError) {
   const Outcome outcome =
       candela({"render", in("*.exr"), out(""), "--server", "unix:" + folder_.path("none")});
@@ -716,6 +770,8 @@ TEST_F(FieldFrames, ARateIsReadInAnyCaseAndType) {
            {"FRAMESPERSECOND", std::make_shared<Imf::FloatAttribute>(12.5f), "12.5"},
            {"framesPerSecond", std::make_shared<Imf::DoubleAttribute>(59.94), "60000/1001"},
            {"FramesPerSecond", std::make_shared<Imf::IntAttribute>(48), "48"},
+           {"framesPerSecond", text("23.98"), "24000/1001"},
+           {"framesPerSecond", std::make_shared<Imf::FloatAttribute>(119.88f), "120000/1001"},
            {"FramesPerSecond", text("25"), "25"},
            {"FramesPerSecond", text("24000/1001"), "24000/1001"},
            {"framesPerSecond", text(" 29.97 "), "30000/1001"},

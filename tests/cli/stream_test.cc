@@ -139,7 +139,7 @@ TEST_F(Stream, FramesOfManySizesAndColoursAreOneSession) {
   std::filesystem::create_directory(in());
   write_small_exr(in() + "/1.exr");
   for (const auto& [name, size] :
-       {std::pair("/2.exr", "80x60"), std::pair("/3.pfm", "33x90"), std::pair("/4.exr", "1x1")}) {
+       {std::pair("/2.exr", "80x60"), std::pair("/3.exr", "33x90"), std::pair("/4.exr", "1x1")}) {
     ASSERT_EQ(candela({"sample", in() + name, "--size", size, "-q"}).code, 0);
   }
   Image wide = *make_image(20, 10, ImageFormat::kRgba16f);

@@ -98,8 +98,9 @@ TEST_F(StraightAlpha, IsWithinItsBoundForEveryCurveTransferAndFormat) {
         settings.set_transfer(transfer);
         check(mixed(131, 67, format), settings,
               v1::word_of(curve) + " " + v1::word_of(transfer) + " " + v1::word_of(format),
-              curve == v1::TONE_CURVE_ACES_2 ? Bounds{.max = 0.03, .p999 = 2e-3}
-                                             : Bounds{.max = kMaxCodes, .p999 = kMaxP999});
+              curve == v1::TONE_CURVE_ACES_2   ? Bounds{.max = 0.03, .p999 = 2e-3}
+              : curve == v1::TONE_CURVE_BT2390 ? Bounds{.max = 0.012, .p999 = 0.01}
+                                               : Bounds{.max = kMaxCodes, .p999 = kMaxP999});
       }
     }
   }

@@ -453,13 +453,27 @@ TEST(GainCurve, EndsAtTheDisplaysPeak) {
   }
 }
 
+// Light of a brighter display that the HDR display can show, too, is what the map leads to.
+TEST(GainCurve, OpensAShoulderToTheSourcesOwnLight) {
+  for (const v1::ToneCurve shown : {v1::TONE_CURVE_SHOULDER, v1::TONE_CURVE_BT2390}) {
+    v1::Settings settings = with_map(shown);
+    settings.set_source_peak_nits(900);
+    const GainCurve& curve = curve_of(settings);
+    for (const double n : {0.02, 0.4, 1.0, 2.0, 4.4}) {
+      const double sdr = reference::tone_curve(static_cast<uint32_t>(shown), {n, n, n}, 900 / 203.0)[1];
+      EXPECT_NEAR(std::exp2(curve.log2_gain(n)) * sdr, n, 2e-3 * n) << v1::word_of(shown) << " " << n;
+    }
+  }
+}
+
 TEST_F(GainMap, IsWithinHalfACodeAndTheImageIsThatWithoutIt) {
   const WireFrame frame = make_frame(131, 67, v1::PIXEL_FORMAT_RGBA32F, [](uint32_t x, uint32_t y) -> Texel {
     const float light = std::exp2(static_cast<float>(x) / 8.0f - 8.0f);
     return {light, light * static_cast<float>(y) / 66.0f, light / 3.0f, y % 2 == 0 ? 1.0f : 0.5f};
   });
-  for (const v1::ToneCurve curve : {v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_REINHARD,
-                                    v1::TONE_CURVE_AGX, v1::TONE_CURVE_ACES_1, v1::TONE_CURVE_ACES_2}) {
+  for (const v1::ToneCurve curve :
+       {v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_LINEAR, v1::TONE_CURVE_REINHARD, v1::TONE_CURVE_AGX,
+        v1::TONE_CURVE_ACES_1, v1::TONE_CURVE_ACES_2, v1::TONE_CURVE_BT2390, v1::TONE_CURVE_SHOULDER}) {
     v1::Settings settings = with_map(curve);
     const GainCurve& truth = curve_of(settings);
     v1::Settings without = settings;

@@ -7,10 +7,13 @@
 #include <OpenEXR/ImfRgbaFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfTileDescription.h>
+#include <tiffio.h>
+#include <zlib.h>
 
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -180,16 +183,97 @@ void write_words_of_the_picture(const std::string& folder, std::string base, con
   write_file(folder + "/words_of_picture.jpg", base + map);
 }
 
+// A profile for R, G and B, or what `space` names, that claims what its bytes do not hold.
+std::string profile_of(const std::string& space,
+                       const std::vector<std::pair<std::string, std::string>>& tags) {
+  std::string table = big_endian(static_cast<uint32_t>(tags.size())), bodies;
+  const size_t first = 128 + 4 + 12 * tags.size();
+  for (const auto& [name, body] : tags) {
+    absl::StrAppend(&table, name, big_endian(static_cast<uint32_t>(first + bodies.size())),
+                    big_endian(static_cast<uint32_t>(body.size())));
+    absl::StrAppend(&bodies, body, std::string(-body.size() % 4, '\0'));
+  }
+  std::string head = big_endian(static_cast<uint32_t>(first + bodies.size())) + std::string(4, '\0') +
+                     std::string("\2\x40\0\0", 4) + "mntr" + space + "XYZ " + std::string(12, '\0') + "acsp";
+  head.resize(128);
+  return head + table + bodies;
+}
+
+// Profiles of every kind of tag that is read: good ones, huge counts, tags of another type, and truncated.
+std::vector<std::string> hostile_profiles() {
+  const std::string zeros(4, '\0'), one = big_endian(65536);
+  const std::string colorant = "XYZ " + zeros + one + one + one;
+  const auto curve = [&](uint32_t count) { return "curv" + zeros + big_endian(count) + "\1\2\3\4\5\6"; };
+  const std::string parametric =
+      "para" + zeros + std::string("\0\4\0\0", 4) + one + one + one + one + one + one + one;
+  const auto matrix = [&](const std::string& red, const std::string& trc) {
+    return profile_of("RGB ", {{"rXYZ", red},
+                               {"gXYZ", colorant},
+                               {"bXYZ", colorant},
+                               {"rTRC", trc},
+                               {"gTRC", curve(1)},
+                               {"bTRC", parametric}});
+  };
+  const auto table = [&](const char* kind, char in, char points) {
+    return kind + zeros + in + "\3" + points + std::string(37, '\0') + std::string("\0\2\0\2", 4) +
+           std::string(200, '7');
+  };
+  std::vector<std::string> all = {
+      matrix(colorant, curve(3)),
+      matrix(colorant, curve(0xffffffff)),
+      matrix(curve(2), colorant),
+      profile_of("GRAY", {{"kTRC", parametric}}),
+      profile_of("RGB ", {{"cicp", "cicp" + zeros + std::string("\x09\x10\0\1", 4)}}),
+      profile_of("RGB ", {{"A2B0", table("mft2", 3, 2)}}),
+      profile_of("RGB ", {{"A2B0", table("mft1", 3, '\xff')}}),
+      profile_of("CMYK", {{"A2B0", table("mft2", 4, '\xff')}}),
+      profile_of("RGB ",
+                 {{"A2B0", "mAB " + zeros + std::string("\3\3\0\0", 4) + big_endian(32) + big_endian(0) +
+                               big_endian(32) + big_endian(32) + big_endian(32) + parametric}}),
+      profile_of("RGB ",
+                 {{"D2B0", "mpet" + zeros + std::string("\0\3\0\3", 4) + big_endian(0x1000000) + zeros}}),
+      profile_of("9CLR", {{"A2B0", table("mft2", 9, '\xff')}}),
+  };
+  all.push_back(all[0].substr(0, 180));
+  // All of its tags are one, and lie in the table of tags.
+  std::string odd = all[0];
+  for (size_t tag = 0; tag < 6; ++tag) odd.replace(132 + 12 * tag + 4, 4, big_endian(128));
+  all.push_back(odd);
+  return all;
+}
+
+// A JPEG and a PNG with each of them.
+void write_profiles(const std::string& folder, const std::string& jpeg) {
+  int number = 0;
+  for (const std::string& profile : hostile_profiles()) {
+    const auto size = static_cast<uint32_t>(profile.size());
+    const std::string part = std::string("\xff\xe2", 2) + big_endian(size + 16).substr(2) +
+                             std::string("ICC_PROFILE\0\1\1", 14) + profile;
+    write_file(absl::StrCat(folder, "/profile_", number, ".jpg"), jpeg.substr(0, 2) + part + jpeg.substr(2));
+    std::string packed(compressBound(size), '\0');
+    uLongf packed_size = packed.size();
+    (void)compress(reinterpret_cast<Bytef*>(packed.data()), &packed_size,
+                   reinterpret_cast<const Bytef*>(profile.data()), size);
+    const std::string iccp = chunk("iCCP", std::string("p\0\0", 3) + packed.substr(0, packed_size));
+    write_file(absl::StrCat(folder, "/profile_", number++, ".png"), png_of(1, 8, 2, "abc", iccp));
+  }
+}
+
 // A picture turned by Exif, with a map of half its size.
 void write_jpeg(const std::string& folder) {
   const std::vector<std::byte> codes(size_t{4} * 16 * 16, std::byte{90});
-  std::string base;
-  (void)encode_jpeg({.width = 16, .height = 16, .rows = codes.data(), .row_stride_bytes = 64}, {},
-                    [&base](const void* bytes, size_t count) {
-                      base.append(static_cast<const char*>(bytes), count);
-                      return true;
-                    });
-  const std::string plain = base;
+  const auto jpeg = [&codes](const JpegOptions& options) {
+    std::string file;
+    (void)encode_jpeg({.width = 16, .height = 16, .rows = codes.data(), .row_stride_bytes = 64}, options,
+                      [&file](const void* bytes, size_t count) {
+                        file.append(static_cast<const char*>(bytes), count);
+                        return true;
+                      });
+    return file;
+  };
+  const std::string unnamed = jpeg({.transfer = EncodedTransfer::kUnknown});
+  write_profiles(folder, unnamed);
+  std::string base = jpeg({});
   base.insert(2, jpeg_segment('\xe1', std::string("Exif\0\0", 6) + kTurned));
   write_file(folder + "/plain.jpg", base);
   write_file(folder + "/no_end.jpg", base.substr(0, base.size() - 2));
@@ -200,10 +284,69 @@ void write_jpeg(const std::string& folder) {
     write_file(folder + (one_channel ? "/gain_map.jpg" : "/gain_maps.jpg"),
                *join_gain_map(base, map, metadata));
     if (one_channel) {
-      write_apple(folder, plain, map);
-      write_words_of_the_picture(folder, plain, map);
+      write_apple(folder, unnamed, map);
+      write_words_of_the_picture(folder, unnamed, map);
     }
   }
+}
+
+// Of each way to store samples one.
+void write_tiff(const std::string& folder) {
+  struct Kind {
+    const char* name;
+    const char* mode;
+    uint16_t bits, samples, format, photometric, planes, compression;
+    bool tiled;
+  };
+  constexpr uint16_t kUint = SAMPLEFORMAT_UINT, kFloat = SAMPLEFORMAT_IEEEFP;
+  constexpr uint16_t kTogether = PLANARCONFIG_CONTIG, kApart = PLANARCONFIG_SEPARATE;
+  for (const Kind& kind :
+       {Kind{"plain", "wl", 8, 3, kUint, PHOTOMETRIC_RGB, kTogether, COMPRESSION_NONE, false},
+        Kind{"tiles", "wb", 16, 4, kUint, PHOTOMETRIC_RGB, kApart, COMPRESSION_LZW, true},
+        Kind{"floats", "wl8", 32, 3, kFloat, PHOTOMETRIC_RGB, kTogether, COMPRESSION_ADOBE_DEFLATE, false},
+        Kind{"halves", "wl", 16, 1, kFloat, PHOTOMETRIC_MINISBLACK, kTogether, COMPRESSION_ZSTD, true},
+        Kind{"palette", "wl", 4, 1, kUint, PHOTOMETRIC_PALETTE, kTogether, COMPRESSION_PACKBITS, false},
+        Kind{"inks", "wl", 8, 5, kUint, PHOTOMETRIC_SEPARATED, kTogether, COMPRESSION_LZW, false},
+        Kind{"webp", "wl", 8, 3, kUint, PHOTOMETRIC_RGB, kTogether, COMPRESSION_WEBP, false},
+        Kind{"fax", "wl", 1, 1, kUint, PHOTOMETRIC_MINISWHITE, kTogether, COMPRESSION_CCITTFAX4, false},
+        Kind{"jpeg", "wl", 8, 3, kUint, PHOTOMETRIC_YCBCR, kTogether, COMPRESSION_JPEG, true},
+        Kind{"log", "wl", 32, 3, kFloat, PHOTOMETRIC_LOGLUV, kTogether, COMPRESSION_SGILOG, false},
+        Kind{"ycbcr", "wl", 8, 3, kUint, PHOTOMETRIC_YCBCR, kTogether, COMPRESSION_NONE, false}}) {
+    TIFF* const tiff = TIFFOpen(absl::StrCat(folder, "/", kind.name, ".tif").c_str(), kind.mode);
+    TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 20);
+    TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 12);
+    TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, kind.samples);
+    TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, kind.photometric);
+    TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, kind.planes);
+    TIFFSetField(tiff, TIFFTAG_COMPRESSION, kind.compression);
+    TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, kind.bits);
+    TIFFSetField(tiff, TIFFTAG_SAMPLEFORMAT, kind.format);
+    TIFFSetField(tiff, TIFFTAG_ORIENTATION, ORIENTATION_RIGHTTOP);
+    const std::vector<uint16_t> colors(16, 40000), alpha = {EXTRASAMPLE_ASSOCALPHA};
+    if (kind.photometric == PHOTOMETRIC_PALETTE) {
+      TIFFSetField(tiff, TIFFTAG_COLORMAP, colors.data(), colors.data(), colors.data());
+    }
+    if (kind.samples > 3) TIFFSetField(tiff, TIFFTAG_EXTRASAMPLES, 1, alpha.data());
+    if (kind.compression == COMPRESSION_SGILOG) {
+      TIFFSetField(tiff, TIFFTAG_SGILOGDATAFMT, SGILOGDATAFMT_FLOAT);
+    }
+    if (kind.tiled) {
+      TIFFSetField(tiff, TIFFTAG_TILEWIDTH, 16);
+      TIFFSetField(tiff, TIFFTAG_TILELENGTH, 16);
+    } else {
+      TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 4);
+    }
+    std::vector<uint8_t> codes(static_cast<size_t>(kind.tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff)),
+                               60);
+    const uint32_t pieces = kind.tiled ? TIFFNumberOfTiles(tiff) : TIFFNumberOfStrips(tiff);
+    const auto bytes = static_cast<tmsize_t>(codes.size());
+    for (uint32_t i = 0; i < pieces; ++i) {
+      (void)(kind.tiled ? TIFFWriteEncodedTile : TIFFWriteEncodedStrip)(tiff, i, codes.data(), bytes);
+    }
+    TIFFClose(tiff);
+  }
+  Image image = *make_image(5, 3, ImageFormat::kRgba16);
+  (void)write_image(folder + "/profile.tif", image);
 }
 
 void write_y4m(const std::string& folder) {
@@ -230,6 +373,7 @@ void write_image_seeds(const std::string& folder) {
   write_jpeg(folder);
   write_pfm(folder);
   write_y4m(folder);
+  write_tiff(folder);
 }
 
 namespace {

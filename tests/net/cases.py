@@ -5,7 +5,7 @@ import json
 import pathlib
 from collections.abc import Callable, Iterator
 
-CURVES = ("linear", "reinhard", "aces-narkowicz", "aces-hill", "reinhard-extended", "hable", "agx", "pbr-neutral",
+CURVES = ("linear", "reinhard", "aces-narkowicz", "aces-hill", "reinhard-extended", "hable", "agx", "pbr-neutral", "shoulder",
           "aces-1", "aces-2")
 DCI_P3 = "0.68,0.32,0.265,0.69,0.15,0.06,0.314,0.351"
 

@@ -20,7 +20,8 @@ struct Size {
 inline constexpr v1::ToneCurve kCurves[] = {
     v1::TONE_CURVE_LINEAR,    v1::TONE_CURVE_REINHARD,          v1::TONE_CURVE_ACES_NARKOWICZ,
     v1::TONE_CURVE_ACES_HILL, v1::TONE_CURVE_REINHARD_EXTENDED, v1::TONE_CURVE_HABLE,
-    v1::TONE_CURVE_AGX,       v1::TONE_CURVE_PBR_NEUTRAL,       v1::TONE_CURVE_ACES_2};
+    v1::TONE_CURVE_AGX,       v1::TONE_CURVE_PBR_NEUTRAL,       v1::TONE_CURVE_ACES_2,
+    v1::TONE_CURVE_BT2390,    v1::TONE_CURVE_SHOULDER};
 
 using scenes::HardCase;
 using scenes::noise;

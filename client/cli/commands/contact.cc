@@ -41,6 +41,7 @@
 #include "client/run/run.h"
 #include "client/run/sequence.h"
 #include "proto/candela/v1/limits.h"
+#include "server/base/check.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -67,7 +68,9 @@ void add_contact_options(CLI::App& app, ContactArguments& arguments) {
                                  extensions_with(&OutputEncoding::takes_8_bits), kSheetCell))
       ->required()
       ->option_text(" ");
+  add_only_option(app, options.only);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_view_options(app, options);
@@ -155,16 +158,36 @@ constexpr std::array<uint8_t, kLetterWidth> kLetters[] = {
     {0x41, 0x55, 0x2A, 0x08, 0x00}, {0x04, 0x02, 0x04, 0x02, 0x00}};
 static_assert(std::size(kLetters) == kLastLetter - kFirstLetter + 1);
 
-// The columns of a letter from left to right; the lowest bit is the top dot. Of another byte, those of "?".
+// The columns of a letter from left to right; the lowest bit is the top dot.
 const std::array<uint8_t, kLetterWidth>& letter(char c) {
-  return kLetters[(c < kFirstLetter || c > kLastLetter ? '?' : c) - kFirstLetter];
+  CHECK(c >= kFirstLetter && c <= kLastLetter);
+  return kLetters[c - kFirstLetter];
+}
+
+// A file's name in these letters. A character that is none of them is its number in Unicode, as in "<753B>",
+// so that any two names look different.
+std::string in_letters(const std::string& name) {
+  const std::string text = escaped(name);  // UTF-8 without control characters
+  std::string letters;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const auto first = static_cast<unsigned char>(text[i]);
+    if (first < 0x80) {
+      letters += text[i];
+      continue;
+    }
+    const int more = first >= 0xf0 ? 3 : first >= 0xe0 ? 2 : 1;  // bytes of the character
+    uint32_t number = first & (0x3f >> more);
+    for (int k = 0; k < more; ++k) number = number << 6 | (static_cast<unsigned char>(text[++i]) & 0x3f);
+    absl::StrAppendFormat(&letters, "<%X>", number);
+  }
+  return letters;
 }
 
 // A sheet of small pictures with words below them.
 
 struct SheetPicture {
-  Image picture;  // kRgba8; its alpha is not looked at. Without pixels: there is none
-  std::string name, words;
+  Image picture;            // kRgba8; its alpha is not looked at. Without pixels: there is none
+  std::string name, words;  // in letters
 };
 
 constexpr uint32_t kGap = 12, kDot = 2;  // pixels: between cells, and a letter's dot
@@ -274,7 +297,7 @@ std::string words_below(const std::string& input, const RenderReport& report) {
 }
 
 absl::Status run_contact(const ContactOptions& options, JsonOutput& json) {
-  ASSIGN_OR_RETURN(const FoundFiles files, render_inputs(options.inputs));
+  ASSIGN_OR_RETURN(const FoundFiles files, files_of_inputs(options.inputs, options.only, options.output));
   std::vector<RenderJob> jobs;
   for (const std::string& path : files.paths) jobs.push_back({path, options.output});
   std::vector<std::string> inputs = files_of(options.server);
@@ -286,7 +309,7 @@ absl::Status run_contact(const ContactOptions& options, JsonOutput& json) {
   RETURN_IF_ERROR(json.open());
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  if (!files.hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(files.hidden));
+  if (!options.quiet) print_left_out(files.left_out);
   RunDisplay display(options.quiet, json, progress);
   Run run(options, display);
   RETURN_IF_ERROR(run.read_exposure());
@@ -294,7 +317,7 @@ absl::Status run_contact(const ContactOptions& options, JsonOutput& json) {
 
   std::vector<SheetPicture> pictures(jobs.size());
   for (size_t i = 0; i < jobs.size(); ++i) {
-    pictures[i].name = std::filesystem::path(jobs[i].input).filename().string();
+    pictures[i].name = in_letters(std::filesystem::path(jobs[i].input).filename().string());
     pictures[i].words = "failed";
     jobs[i].take = [&picture = pictures[i].picture](Image image) { picture = std::move(image); };
   }

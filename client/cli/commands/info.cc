@@ -1,4 +1,6 @@
 // `candela info`: describes files, a configuration of OpenColorIO, or a server.
+#include <unistd.h>
+
 #include <CLI/App.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +16,7 @@
 #include "client/base/number_words.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/render_batch.h"
 #include "client/cli/json_output.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/options.h"
@@ -24,9 +27,11 @@
 #include "client/color/view_config.h"
 #include "client/image/color.h"
 #include "client/image/describe.h"
+#include "client/image/read/image_stream.h"
 #include "client/run/events.h"
 #include "client/run/output_files.h"
 #include "client/run/picture_frame.h"
+#include "client/run/sequence.h"
 #include "client/run/server_link.h"
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
@@ -348,11 +353,16 @@ absl::Status describe_server(const InfoOptions& options, JsonOutput& json) {
 }
 
 // A file that cannot be described does not stop the others.
-absl::Status describe_files(const std::vector<std::string>& files, JsonOutput& json) {
+absl::Status describe_files(const InfoOptions& options, JsonOutput& json) {
+  ASSIGN_OR_RETURN(const FoundFiles found, files_of_inputs(options.files, options.only));
+  const std::vector<std::string>& files = found.paths;
+  print_left_out(found.left_out);
   size_t failed = 0;
   std::optional<FailureKind> failed_for;
   for (const std::string& file : files) {
-    const absl::StatusOr<FileFacts> facts = describe_image(file, default_image_limits());
+    const absl::StatusOr<FileFacts> facts =
+        file == "-" ? describe_piped_image(STDIN_FILENO, kStdinName, default_image_limits())
+                    : describe_image(file, default_image_limits());
     if (!facts.ok()) {
       if (files.size() == 1) return facts.status();
       print_error(facts.status());
@@ -385,14 +395,14 @@ absl::Status describe_config(const std::string& path, JsonOutput& json) {
 
 absl::Status run_info(const InfoOptions& options, JsonOutput& json) {
   std::vector<std::string> inputs = files_of(options.server);
-  inputs.insert(inputs.end(), options.files.begin(), options.files.end());
+  for (const std::string& file : options.files) inputs.push_back(file == "-" ? "/dev/stdin" : file);
   if (!options.config.empty()) inputs.push_back(options.config);
   if (absl::Status status = check_outputs_apart(inputs, {{options.json, "the JSON"}}); !status.ok()) {
     return status;
   }
   RETURN_IF_ERROR(json.open());
   if (!options.config.empty()) return describe_config(options.config, json);
-  return options.files.empty() ? describe_server(options, json) : describe_files(options.files, json);
+  return options.files.empty() ? describe_server(options, json) : describe_files(options, json);
 }
 
 constexpr char kInfoExamples[] =
@@ -401,13 +411,17 @@ constexpr char kInfoExamples[] =
     "Examples:\n"
     "  candela info\n"
     "  candela info shot.exr\n"
+    "  candela info photos/ --only jpg --json -\n"
     "  candela info --ocio studio.ocio\n"
     "  candela info --server 127.0.0.1:50051 --json -";
 
 Finish define_info(CLI::App& app) {
   const auto options = std::make_shared<InfoOptions>();
-  app.add_option("FILE", options->files, "Images to describe (default: describe the server)")
+  app.add_option("FILE", options->files,
+                 "Images to describe, folders of them, quoted patterns such as 'in/*.exr', or - for one from "
+                 "standard input (default: describe the server)")
       ->option_text("...");
+  add_only_option(app, options->only);
   add_text(app, kOutputSection, "--ocio", "CONFIG",
            "Describe this OpenColorIO configuration: its displays and views, and in JSON its colour spaces",
            options->config);
@@ -418,7 +432,7 @@ Finish define_info(CLI::App& app) {
     if (!options->config.empty() && !options->files.empty()) {
       return usage_error("--ocio describes a configuration and FILE an image; give only one of them");
     }
-    absl::Status status = check_input_names(options->files);
+    absl::Status status = check_input_names(options->files, /*stdin_too=*/true);
     status.Update(finish_server_options(options->server));
     if (!status.ok()) return status;
     return parsed_command(*options, run_info);

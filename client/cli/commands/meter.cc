@@ -14,6 +14,7 @@
 #include "client/base/number_words.h"
 #include "client/cli/command_line.h"
 #include "client/cli/commands/commands.h"
+#include "client/cli/commands/render_batch.h"
 #include "client/cli/json_output.h"
 #include "client/cli/options/idle_options.h"
 #include "client/cli/options/option_kinds.h"
@@ -25,6 +26,7 @@
 #include "client/cli/run_display.h"
 #include "client/cli/stream_report.h"
 #include "client/cli/terminal.h"
+#include "client/image/read_formats.h"
 #include "client/run/options.h"
 #include "client/run/output_files.h"
 #include "client/run/picture_frame.h"
@@ -38,13 +40,14 @@ namespace {
 // Defines the options; parsing fills `options`, which outlives the app.
 void add_meter_options(CLI::App& app, MeterOptions& options) {
   app.add_option("IN", options.sequence.inputs,
-                 "An image to meter: OpenEXR, Radiance .hdr, PFM, PNG, AVIF or JPEG; or a sequence, as "
-                 "`candela stream` takes it: a "
-                 "folder, files, 'in/*.exr', in/%04d.exr or in/####.exr")
+                 absl::StrFormat("An image to meter: %s; or a sequence, as `candela stream` takes it: a "
+                                 "folder, files, 'in/*.exr', in/%%04d.exr or in/####.exr",
+                                 read_format_names()))
       ->required()
       ->option_text(" ");
   add_session_options(app, options);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings, changes_metering);
   add_curve_options(app, options);
@@ -105,7 +108,7 @@ std::string histogram_text(const v1::MeterResponse& metered) {
 }
 
 std::string to_text(const std::string& path, const Image& image, const PrimariesUsed& primaries,
-                    const v1::MeterResponse& metered) {
+                    const PictureDefaults& defaults, const v1::MeterResponse& metered) {
   const v1::FrameStatistics& statistics = metered.statistics();
   std::string text = absl::StrFormat("%s\n", escaped(path));
   const auto line = [&text](const char* name, const std::string& words) {
@@ -113,9 +116,9 @@ std::string to_text(const std::string& path, const Image& image, const Primaries
   };
   line("size", absl::StrFormat("%dx%d", image.width, image.height));
   line("primaries", words_of(primaries));
-  line("exposure",
-       absl::StrFormat("%s (%s EV), target %s", in_digits(metered.exposure(), 6),
-                       with_sign(std::log2(metered.exposure()), 3), in_digits(metered.target(), 6)));
+  line("exposure", absl::StrFormat("%s (%s EV%s), target %s", in_digits(metered.exposure(), 6),
+                                   with_sign(std::log2(metered.exposure()), 3),
+                                   default_exposure_words(defaults), in_digits(metered.target(), 6)));
   line("luminance", absl::StrFormat("%s .. %s, mean 2^%s", in_digits(statistics.min_luminance(), 4),
                                     in_digits(statistics.max_luminance(), 4),
                                     in_decimals(statistics.mean_log2_luminance(), 3)));
@@ -182,9 +185,11 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
   display.begins("metering " + input);
   Run run(options, display);
   ASSIGN_OR_RETURN(const v1::Limits limits, run.limits());
-  ASSIGN_OR_RETURN(const Image image, read_image(input, image_limits(limits, options), choice_of(options)));
+  ASSIGN_OR_RETURN(Image image, read_image(input, image_limits(limits, options), choice_of(options)));
+  if (options.scene_light) image.light = PictureLight::kScene;
   RETURN_IF_ERROR(run.connect());
-  v1::Settings settings = settings_for(image, options.settings);
+  const PictureSettings shown = settings_for(image, options.settings, {.defaults = options.defaults});
+  v1::Settings settings = shown.settings;
   const std::string alpha_note = options.ignore_empty_alpha ? ignore_empty_alpha(image, settings) : "";
   absl::StatusOr<v1::MeterResponse> metered;
   const absl::Time deadline = absl::Now() + kMeterTimeout;
@@ -199,11 +204,12 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
     for (const std::string& note : options.notes) print_note(note);
     for (const std::string& note : image.notes) print_note(note);
     for (const std::string& note :
-         {alpha_note, cube_map_note(image), held_words(metered->target(), metered->target_before_limits())}) {
+         {alpha_note, cube_map_note(image), not_metered_note(image, options.settings, shown.defaults),
+          held_words(metered->target(), metered->target_before_limits())}) {
       if (!note.empty()) print_note(note);
     }
     if (!json.to_stdout()) {
-      RETURN_IF_ERROR(print(to_text(input, image, primaries, *metered)));
+      RETURN_IF_ERROR(print(to_text(input, image, primaries, shown.defaults, *metered)));
     }
   }
   return json.write(to_json(input, image, primaries, *metered));
@@ -211,6 +217,7 @@ absl::Status meter_image(const MeterOptions& options, JsonOutput& json) {
 
 absl::Status run_meter(const MeterOptions& options, JsonOutput& json) {
   if (!is_single_image(options)) return run_stream(options, json);
+  RETURN_IF_ERROR(files_of_inputs(options.sequence.inputs, options.sequence.only).status());
   return about_input(meter_image(options, json), options.sequence.inputs.front());
 }
 

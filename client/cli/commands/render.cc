@@ -29,6 +29,7 @@
 #include "client/cli/render_report.h"
 #include "client/cli/run_display.h"
 #include "client/cli/terminal.h"
+#include "client/image/read_formats.h"
 #include "client/image/write/encodings.h"
 #include "client/run/hdr_gain_map.h"
 #include "client/run/options.h"
@@ -143,16 +144,14 @@ absl::Status set_files(RenderArguments& arguments) {
           "IN is \"-\", which has no name for a file in %s; give a file as OUT", options.output));
     }
     std::error_code failed;
-    const bool is_also_input =
-        std::ranges::any_of(std::array{".png", ".avif", ".jpg", ".jpeg"},
-                            [&](const char* kind) { return absl::EndsWithIgnoreCase(input, kind); });
-    const bool may_be_read = is_also_input && (is_pattern(input) || std::filesystem::exists(input, failed));
+    const bool may_be_read =
+        read_format_of(input) != nullptr && (is_pattern(input) || std::filesystem::exists(input, failed));
     if (const auto encoding = output_encoding(input);
         encoding.ok() && (*encoding)->holds_codes() && !may_be_read) {
       return usage_error(absl::StrFormat(
-          "%s is no image that candela can read (OpenEXR, Radiance .hdr, PFM, PNG, AVIF, JPEG), and "
-          "the last argument, %s, is taken as the output folder",
-          input, options.output));
+          "%s is no image that candela can read (%s), and the last argument, %s, is taken as the output "
+          "folder",
+          input, read_format_names(), options.output));
     }
   }
   return choose_kind(arguments, options.extension);
@@ -205,13 +204,15 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   app.add_option(
          "IN... OUT", arguments.files,
          absl::StrFormat(
-             "IN: image to render: OpenEXR, Radiance .hdr, PFM, PNG, AVIF or JPEG. OUT: file to write: %s. "
-             "Several images, or a quoted pattern such as 'in/*.exr', need a folder as OUT; each is rendered "
-             "for itself and keeps its name. Either may be -, standard input or output",
-             extensions_with()))
+             "IN: image to render: %s. OUT: file to write: %s. "
+             "Several images, a folder's (%s), or a quoted pattern such as 'in/*.exr', need a folder as OUT; "
+             "each is rendered for itself and keeps its name. Either may be -, standard input or output",
+             read_format_names(), extensions_with(), read_extensions()))
       ->required()
       ->option_text(" ");
+  add_only_option(app, options.only);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_text(
@@ -307,7 +308,7 @@ absl::Status run_render(const RenderOptions& options, JsonOutput& json) {
   }
   Progress progress(!options.quiet);
   Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  if (!plan.hidden.empty() && !options.quiet) print_note("left out: " + words_of_hidden(plan.hidden));
+  if (!options.quiet) print_left_out(plan.left_out);
   RunDisplay display(options.quiet, json, progress);
   Run run(options, display);
   RETURN_IF_ERROR(run.read_exposure());

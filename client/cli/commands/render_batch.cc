@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -11,14 +12,17 @@
 #include <thread>
 #include <utility>
 
+#include "absl/algorithm/container.h"
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
 #include "client/base/failure.h"
 #include "client/cli/terminal.h"
+#include "client/image/read_formats.h"
 #include "client/run/sequence.h"
 #include "server/base/status_macros.h"
 
@@ -183,44 +187,72 @@ class Reporter {
 
 // The files that one input names. A path without a pattern stays, even if nothing is there: that image fails
 // by itself.
-absl::StatusOr<FoundFiles> files_of(const std::string& input) {
+absl::StatusOr<FoundFiles> files_of_input(const std::string& input, const std::vector<std::string>& only,
+                                          const std::string& output) {
+  if (input == "-") {
+    if (only.empty()) return FoundFiles{{input}};
+    return usage_error("--only chooses among files; IN is \"-\"");
+  }
   std::error_code failed;
   const bool pattern = input.find_first_of("*?[%#@") != std::string::npos;
   const bool there = std::filesystem::exists(input, failed);
-  if (there ? !std::filesystem::is_directory(input, failed) : !pattern) return FoundFiles{{input}, {}};
-  return find_frames({input});
+  if (there ? !std::filesystem::is_directory(input, failed) : !pattern) {
+    const bool taken = only.empty() || absl::c_linear_search(only, extension_of(input));
+    return taken ? FoundFiles{{input}} : FoundFiles{{}, {.others = {input}}};
+  }
+  ASSIGN_OR_RETURN(FoundFiles found, find_frames({input}, only));
+  std::erase_if(found.paths, [&](const std::string& path) {
+    return !output.empty() && std::filesystem::equivalent(path, output, failed);
+  });
+  if (!found.paths.empty()) return found;
+  return absl::NotFoundError(
+      absl::StrFormat("%s: there is only %s, which is OUT; name another folder", input, output));
 }
 
 }  // namespace
 
-absl::StatusOr<FoundFiles> render_inputs(const std::vector<std::string>& inputs) {
+absl::StatusOr<FoundFiles> files_of_inputs(const std::vector<std::string>& inputs,
+                                           const std::vector<std::string>& only, const std::string& output) {
   FoundFiles all;
   std::set<std::string> seen;
   for (const std::string& input : inputs) {
-    const absl::StatusOr<FoundFiles> files = files_of(input);
+    const absl::StatusOr<FoundFiles> files = files_of_input(input, only, output);
     if (!files.ok()) return input_failure(files.status(), input);
-    all.hidden.insert(all.hidden.end(), files->hidden.begin(), files->hidden.end());
+    absl::c_copy(files->left_out.hidden, std::back_inserter(all.left_out.hidden));
+    absl::c_copy(files->left_out.others, std::back_inserter(all.left_out.others));
     for (const std::string& file : files->paths) {
       if (seen.insert(std::filesystem::path(file).lexically_normal().string()).second) {
         all.paths.push_back(file);
       }
     }
   }
-  return all;
+  if (!all.paths.empty()) return all;
+  return input_failure(
+      absl::NotFoundError(absl::StrFormat("%s: --only takes %s files alone, and this leaves nothing",
+                                          inputs.front(), absl::StrJoin(only, " and "))),
+      inputs.front());
+}
+
+void print_left_out(const LeftOut& left_out) {
+  if (const std::string words = words_of(left_out); !words.empty()) print_note("left out: " + words);
 }
 
 absl::StatusOr<RenderPlan> plan_render(const RenderOptions& options) {
+  ASSIGN_OR_RETURN(FoundFiles files, files_of_inputs(options.inputs, options.only));
   if (options.extension.empty()) return RenderPlan{{{options.inputs.front(), options.output}}, {}};
   const std::filesystem::path folder(options.output);
-  ASSIGN_OR_RETURN(FoundFiles files, render_inputs(options.inputs));
-  RenderPlan plan{.jobs = {}, .hidden = std::move(files.hidden)};
+  RenderPlan plan{.jobs = {}, .left_out = std::move(files.left_out)};
   std::map<std::string, std::string> outputs;  // and what becomes them
   for (const std::string& file : files.paths) {
     const std::string output = folder / (std::filesystem::path(file).stem().string() + options.extension);
     const auto [other, fresh] = outputs.emplace(output, file);
     if (!fresh) {
-      return usage_error(absl::StrFormat("%s and %s would both become %s; render one of them apart",
-                                         other->second, file, output));
+      const std::string kind = extension_of(other->second);
+      return usage_error(absl::StrFormat(
+          "%s and %s would both become %s; %s", other->second, file, output,
+          kind.empty() || kind == extension_of(file)
+              ? "render one of them apart"
+              : absl::StrFormat("--only %s takes the first, or render one of them apart", kind.substr(1))));
     }
     plan.jobs.push_back({file, output});
   }

@@ -17,13 +17,19 @@
 namespace candela {
 
 // The files that these inputs name, each once, in the order of the inputs; those of a pattern or a folder are
-// in natural order. A path without a pattern stays, even if nothing is there. NOT_FOUND if a pattern matches
-// nothing.
-absl::StatusOr<FoundFiles> render_inputs(const std::vector<std::string>& inputs);
+// in natural order, without `output`, which an earlier run may have written there. A path without a pattern
+// stays, even if nothing is there, and so does "-", which `only` cannot choose. It is as for find_frames().
+// NOT_FOUND if a pattern or a folder has nothing, or nothing is left.
+absl::StatusOr<FoundFiles> files_of_inputs(const std::vector<std::string>& inputs,
+                                           const std::vector<std::string>& only,
+                                           const std::string& output = "");
+
+// Says what is left out, unless it is nothing.
+void print_left_out(const LeftOut& left_out);
 
 struct RenderPlan {
   std::vector<RenderJob> jobs;
-  std::vector<std::string> hidden;  // files of folders that are left out
+  LeftOut left_out;
 };
 
 // The images that the options name, in the order of the inputs; those of a pattern or a folder are in natural

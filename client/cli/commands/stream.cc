@@ -51,8 +51,9 @@ struct StreamArguments {
   std::vector<std::string> files;  // inputs, then the output
   StreamOptions options;
   PictureArguments picture;
-  std::string pipe;   // --pipe, "" if not given
-  std::string codec;  // --codec, "" if not given
+  std::string pipe;    // --pipe, "" if not given
+  std::string matrix;  // --pipe-matrix, "" if not given
+  std::string codec;   // --codec, "" if not given
 };
 
 constexpr v1::Range<double> kFirst{-1e9, 1e9};
@@ -63,6 +64,13 @@ struct PipeWord {
 };
 constexpr PipeWord kPipes[] = {
     {"y4m", PipeKind::kY4m420}, {"y4m444", PipeKind::kY4m444}, {"pam", PipeKind::kPam}};
+
+struct PipeMatrix {
+  const char* word;
+  LumaMatrix matrix;
+};
+constexpr PipeMatrix kPipeMatrices[] = {
+    {"bt601", kRec601Luma}, {"bt709", kRec709Luma}, {"bt2020", kRec2020Luma}};
 
 absl::Status check_film(const StreamArguments& arguments, PipeKind kind) {
   if (kind == PipeKind::kPam) return usage_error("--pipe pam is for standard output; a film is of y4m");
@@ -77,6 +85,17 @@ absl::Status choose_formats(StreamArguments& arguments, PipeKind kind, bool film
   StreamOptions& options = arguments.options;
   const int bits = arguments.picture.bits;
   options.pipe = pipe_format(kind, bits, options.write.transfer, options.write.hdr);
+  if (!arguments.matrix.empty()) {
+    if (film || kind == PipeKind::kPam) {
+      return usage_error(absl::StrFormat("--pipe-matrix is for y4m on standard output; %s; leave it out",
+                                         film ? "a film names its matrix" : "PAM has none"));
+    }
+    const auto* const found = std::ranges::find(kPipeMatrices, arguments.matrix, &PipeMatrix::word);
+    if (found == std::end(kPipeMatrices)) {
+      return unknown_word("--pipe-matrix word", arguments.matrix, {"bt601", "bt709", "bt2020"});
+    }
+    options.pipe->matrix = found->matrix;
+  }
   if (!film) return absl::OkStatus();
   ASSIGN_OR_RETURN(options.film, film_format(options.output, arguments.codec, kind == PipeKind::kY4m444,
                                              options.pipe->bits == 10 ? 10 : bits));
@@ -94,9 +113,13 @@ absl::Status finish_pipe(StreamArguments& arguments) {
   }
   if (!film && options.verbose) options.notes.emplace_back("-v changes nothing: it is about films");
   if (options.output != "-" && !film) {
-    if (arguments.pipe.empty()) return absl::OkStatus();
-    return usage_error(absl::StrFormat("--pipe %s is for standard output; %s is none: write - as OUT",
-                                       arguments.pipe, options.output));
+    for (const auto& [name, word] :
+         {std::pair("--pipe", arguments.pipe), {"--pipe-matrix", arguments.matrix}}) {
+      if (word.empty()) continue;
+      return usage_error(absl::StrFormat("%s %s is for standard output; %s is none: write - as OUT", name,
+                                         word, options.output));
+    }
+    return absl::OkStatus();
   }
   if (options.encoding != v1::ENCODING_RAW) {
     return usage_error(absl::StrFormat("--encoding is for images; OUT is \"%s\", where --%s chooses",
@@ -143,6 +166,7 @@ absl::Status check_stdin_options(const StreamOptions& options) {
   if (!options.sequence.range.empty()) {
     return usage_error("--range chooses among files; IN is \"-\", of which every frame is taken");
   }
+  if (!options.sequence.only.empty()) return usage_error("--only chooses among files; IN is \"-\"");
   if (options.sequence.missing != MissingFrames::kError) {
     return usage_error("--missing is about numbers of files; IN is \"-\", where no frame is missing");
   }
@@ -165,18 +189,23 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
       ->option_text(" ");
   add_session_options(app, options);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_desqueeze_option(app, options);
   add_given_exposure_options(app, options);
   add_view_options(app, options);
   add_image_options(app, arguments.picture, /*with_film=*/true);
-  add_text(app, kOutputSection, "--pipe", "y4m|y4m444|pam",
-           "What standard output gets: y4m of limited range and the matrix of BT.709 (pq and hlg: BT.2020), "
-           "with chroma of 4:2:0 "
-           "(y4m, the default) or 4:4:4; or PAM (ffmpeg -f pam_pipe -i -). What a film is made from: y4m, "
-           "which needs even sizes, or y4m444",
-           arguments.pipe);
+  add_text(
+      app, kOutputSection, "--pipe", "y4m|y4m444|pam",
+      "What standard output gets: y4m of limited range, with chroma of 4:2:0 (y4m, the default) or 4:4:4; or "
+      "PAM (ffmpeg -f pam_pipe -i -). What a film is made from: y4m, which needs even sizes, or y4m444",
+      arguments.pipe);
+  add_text(app, kOutputSection, "--pipe-matrix", "bt601|bt709|bt2020",
+           absl::StrFormat("The matrix of y4m on standard output (default: bt601 below %d lines, as readers "
+                           "assume it, else bt709; pq and hlg: that of their primaries)",
+                           kHdLines),
+           arguments.matrix);
   add_text(app, kOutputSection, "--codec", absl::StrJoin(film_codecs(), "|"),
            "Codec of a film (default h264; av1 in .webm): libx264 medium, crf 18; libx265 medium, crf 20; "
            "libaom-av1 at speed 6, crf 24; or ProRes of 10 bits, 422 HQ, with --pipe y4m444 4444",

@@ -114,7 +114,8 @@ void add_move_options(CLI::App& app, PanoramaViewOptions& options) {
              return frames.status();
            });
   add_text(app, kMove, "--fps", "FPS",
-           absl::StrFormat("Frames a second of media time, such as 25 or 24000/1001; %s (default 24)",
+           absl::StrFormat("Frames a second of media time, such as 25, 24000/1001 or 23.976, which is the "
+                           "same; %s (default 24)",
                            format_range(kFps)),
            [&options](const std::string& text) {
              const absl::StatusOr<FrameRate> rate = parse_frame_rate("--fps", text);
@@ -193,6 +194,7 @@ void add_panorama_view_options(CLI::App& app, PanoramaViewArguments& arguments) 
   add_camera_options(app, options);
   add_move_options(app, options);
   add_choice_options(app, options);
+  add_scene_light_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings, is_for_views);
   add_view_options(app, options);

@@ -49,8 +49,10 @@ struct ReportOptions {
 struct InfoOptions {
   InfoOptions() { server.resume_limit = absl::ZeroDuration(); }
 
-  std::vector<std::string> files;  // to describe; none: the server, or the configuration
-  std::string config;              // of OpenColorIO, to describe; empty: none
+  // To describe: files, patterns and folders; or "-", standard input. None: the server, or the configuration.
+  std::vector<std::string> files;
+  std::vector<std::string> only;  // see find_frames()
+  std::string config;             // of OpenColorIO, to describe; empty: none
   ServerChoice server;
   std::string json;  // as in RenderOptions
 };

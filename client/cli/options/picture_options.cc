@@ -12,6 +12,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
@@ -20,6 +21,7 @@
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/settings_options.h"
 #include "client/color/view_table.h"
+#include "client/image/color.h"
 #include "client/image/write/encodings.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
@@ -345,8 +347,53 @@ void choose_view_defaults(PictureOptions& options, bool exposure_given) {
 
 namespace {
 
-// In the order of SignalTransfer.
-const std::array<std::string, 5> kTransferWords = {"linear", "srgb", "gamma22", "pq", "hlg"};
+// Words of --input-transfer.
+struct TransferWord {
+  const char* word;
+  SignalTransfer transfer;
+  double gamma = 0;  // of kGamma
+};
+constexpr TransferWord kTransferWords[] = {
+    {"linear", SignalTransfer::kLinear},
+    {"srgb", SignalTransfer::kSrgb},
+    {"bt709", SignalTransfer::kSrgb},
+    {"gamma18", SignalTransfer::kGamma, 1.8},
+    {"gamma22", SignalTransfer::kGamma, 2.2},
+    {"gamma24", SignalTransfer::kGamma, 2.4},
+    {"gamma26", SignalTransfer::kGamma, 2.6},
+    {"gamma28", SignalTransfer::kGamma, 2.8},
+    {"smpte240", SignalTransfer::kSmpte240},
+    {"log100", SignalTransfer::kLog100},
+    {"log316", SignalTransfer::kLog316},
+    {"dci", SignalTransfer::kCinema},
+    {"pq", SignalTransfer::kPq},
+    {"hlg", SignalTransfer::kHlg},
+};
+
+// Words of --input-matrix, with their numbers of ITU-T H.273.
+struct MatrixWord {
+  const char* word;
+  int code;
+};
+constexpr MatrixWord kMatrixWords[] = {{"bt601", 6}, {"bt709", 1}, {"bt2020", 9},  {"smpte240", 7},
+                                       {"fcc", 4},   {"ycgco", 8}, {"identity", 0}};
+
+// The row of the table with this word; or a usage error that lists them.
+template <typename Row, size_t kCount>
+absl::StatusOr<Row> row_of(const char* option, const Row (&rows)[kCount], const std::string& word) {
+  std::vector<std::string> words;
+  for (const Row& row : rows) {
+    if (word == row.word) return row;
+    words.emplace_back(row.word);
+  }
+  return unknown_word(option, word, words);
+}
+
+template <typename Row, size_t kCount>
+std::string words_of_rows(const Row (&rows)[kCount]) {
+  return absl::StrJoin(rows, ", ", [](std::string* to, const Row& row) { absl::StrAppend(to, row.word); });
+}
+
 constexpr v1::Range<double> kChunkMib{1, 65536};
 constexpr v1::Range<double> kMaxPixels{1, double{v1::kMaxDimension} * v1::kMaxDimension};
 constexpr v1::Range<double> kJpegQuality{v1::kJpegQuality.min, v1::kJpegQuality.max};
@@ -403,13 +450,33 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
       app, kInputSection, "--input-transfer", "NAME",
       absl::StrFormat("How the image's values stand for light, whatever the file says: %s (default: as it "
                       "says, else srgb of PNG, AVIF, JPEG and y4m, linear of others)",
-                      absl::StrJoin(kTransferWords, ", ")),
+                      words_of_rows(kTransferWords)),
       [&shown](const std::string& word) {
-        const auto found = std::ranges::find(kTransferWords, word);
-        if (found == kTransferWords.end()) {
-          return unknown_word("--input-transfer", word, {kTransferWords.begin(), kTransferWords.end()});
+        ASSIGN_OR_RETURN(const TransferWord row, row_of("--input-transfer", kTransferWords, word));
+        shown.transfer = row.transfer;
+        shown.gamma = row.gamma;
+        return absl::OkStatus();
+      });
+  add_text(
+      app, kInputSection, "--input-matrix", "NAME",
+      absl::StrFormat("The matrix of an AVIF's or a y4m's luma and chroma, whatever the file says: %s "
+                      "(default: as it says; of y4m bt601 below %d lines, else bt709, or bt2020 with its "
+                      "primaries)",
+                      words_of_rows(kMatrixWords), kHdLines),
+      [&shown](const std::string& word) {
+        ASSIGN_OR_RETURN(const MatrixWord row, row_of("--input-matrix", kMatrixWords, word));
+        shown.matrix = row.code;
+        return absl::OkStatus();
+      });
+  add_text(
+      app, kInputSection, "--input-range", "full|limited",
+      "The range of a PNG's, an AVIF's or a y4m's codes, whatever the file says: all of them, or 16 .. 235 "
+      "of 8 bits",
+      [&shown](const std::string& word) {
+        if (word != "full" && word != "limited") {
+          return unknown_word("--input-range word", word, {"full", "limited"});
         }
-        shown.transfer = static_cast<SignalTransfer>(found - kTransferWords.begin());
+        shown.full_range = word == "full";
         return absl::OkStatus();
       });
   add_number(app, kInputSection, "--hlg-peak", "NIT", {400, 2000}, 1000,
@@ -426,6 +493,14 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
       });
 }
 
+void add_scene_light_option(CLI::App& app, PictureOptions& options) {
+  app.add_flag(
+         "--scene-light", options.scene_light,
+         "Take a PNG, AVIF, JPEG or y4m as light of a scene: metered, with bloom, by a tone curve (default: "
+         "as the finished picture that it is, which only an option of exposure, bloom or curve changes)")
+      ->group(kInputSection);
+}
+
 void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
   add_text(app, kInputSection, "--max-pixels", "N",
            absl::StrFormat("Refuse an image of more pixels by its header, before it is decoded; %s (default: "
@@ -435,6 +510,23 @@ void add_max_pixels_option(CLI::App& app, PictureOptions& options) {
              const absl::StatusOr<double> pixels = parse_number("--max-pixels", text, kMaxPixels, true);
              if (pixels.ok()) options.max_pixels = static_cast<uint64_t>(*pixels);
              return pixels.status();
+           });
+}
+
+void add_only_option(CLI::App& app, std::vector<std::string>& extensions) {
+  add_text(app, kInputSection, "--only", "EXT,EXT,...",
+           "Take only files with these extensions, such as exr or jpg,jpeg; what else IN names is left out",
+           [&extensions](const std::string& text) {
+             extensions.clear();
+             for (const absl::string_view word : absl::StrSplit(absl::AsciiStrToLower(text), ',')) {
+               const absl::string_view name = absl::StripPrefix(word, ".");
+               if (name.empty() || !absl::c_all_of(name, absl::ascii_isalnum)) {
+                 return usage_error(absl::StrFormat(
+                     "--only is \"%s\"; give extensions with commas between them, such as exr,png", text));
+               }
+               extensions.push_back(absl::StrCat(".", name));
+             }
+             return absl::OkStatus();
            });
 }
 
@@ -547,6 +639,7 @@ absl::Status finish_picture_options(PictureOptions& options, const PictureArgume
                                      : hdr || arguments.bits == 16 || encoding.needs_16_bits()
                                          ? v1::OUTPUT_FORMAT_RGBA16
                                          : v1::OUTPUT_FORMAT_RGBA8);
+  options.names_primaries = encoding.names_primaries();
   choose_alpha(options, encoding, output);
   options.write.associated_alpha = options.settings.alpha() == v1::ALPHA_ASSOCIATED;
   options.write.transfer = encoded_transfer(options.settings);

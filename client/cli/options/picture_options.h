@@ -87,8 +87,14 @@ struct PictureArguments {
 // outlive the app.
 void add_choice_options(CLI::App& app, PictureOptions& options);
 
+// Defines --scene-light, for a command that shows pictures.
+void add_scene_light_option(CLI::App& app, PictureOptions& options);
+
 // Defines --max-pixels, for a command that reads images.
 void add_max_pixels_option(CLI::App& app, PictureOptions& options);
+
+// Defines --only. Parsing fills `extensions` as find_frames() takes them; they outlive the app.
+void add_only_option(CLI::App& app, std::vector<std::string>& extensions);
 
 // Defines --bits and --quality; parsing fills `arguments`, which outlives the app. `with_film`: films of 10
 // bits are made, too.

@@ -64,7 +64,8 @@ void add_sequence_options(CLI::App& app, const std::string& section, SequenceCho
            });
   add_text(
       app, section, "--fps", "FPS",
-      absl::StrFormat("Frames a second of media time, such as 25 or 24000/1001; %s (default: the "
+      absl::StrFormat("Frames a second of media time, such as 25, 24000/1001 or 23.976, which is the same; "
+                      "%s (default: the "
                       "framesPerSecond of the first OpenEXR file, else 24)",
                       format_range(kFps)),
       [&choice](const std::string& text) { return store(parse_frame_rate("--fps", text), choice.rate); });
@@ -127,6 +128,7 @@ void add_timeout_option(CLI::App& app, const std::string& section, absl::Duratio
 }
 
 void add_session_options(CLI::App& app, StreamOptions& options) {
+  add_only_option(app, options.sequence.only);
   add_sequence_options(app, kSequenceSection, options.sequence);
   add_lookahead_option(app, kSession, options.lookahead);
   add_cuts(app, options.cut_threshold_ev);

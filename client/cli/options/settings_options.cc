@@ -16,6 +16,7 @@
 #include "client/base/failure.h"
 #include "client/cli/options/option_kinds.h"
 #include "client/cli/options/picture_options.h"
+#include "client/image/color.h"
 #include "client/image/write/encodings.h"
 #include "client/run/picture_frame.h"
 #include "proto/candela/v1/limits.h"
@@ -106,9 +107,23 @@ void add_spot(CLI::App& app, v1::Settings& settings, const SettingField& setting
            });
 }
 
+// Words of primaries that the contract takes as numbers.
+std::vector<std::string> other_primaries() {
+  std::vector<std::string> words;
+  for (const NamedPrimaries& one : named_primaries()) {
+    if (*one.word != '\0') words.emplace_back(one.word);
+  }
+  return words;
+}
+
 absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
   settings.clear_input_primaries();
   settings.clear_input_chromaticities();
+  for (const NamedPrimaries& one : named_primaries()) {
+    if (text.empty() || !absl::EqualsIgnoreCase(text, one.word)) continue;
+    *settings.mutable_input_chromaticities() = to_message(one.xy);
+    return absl::OkStatus();
+  }
   if (!absl::StrContains(text, ',')) {
     ASSIGN_OR_RETURN(const int named, enum_value(*v1::Primaries_descriptor(), "primaries", text));
     settings.set_input_primaries(static_cast<v1::Primaries>(named));
@@ -123,9 +138,10 @@ absl::Status set_primaries(v1::Settings& settings, const std::string& text) {
 
 void add_primaries(CLI::App& app, v1::Settings& settings, const SettingField& setting) {
   add_text(app, setting.declaration().group(), "--primaries", "NAME|XY",
-           absl::StrFormat("%s: %s, or the x,y of red, green, blue and white as eight numbers (default: the "
-                           "file's, or rec709)",
-                           setting.declaration().help(), choice_help(*v1::Primaries_descriptor())),
+           absl::StrFormat("%s: %s, %s, or the x,y of red, green, blue and white as eight numbers (default: "
+                           "the file's, or rec709)",
+                           setting.declaration().help(), choice_help(*v1::Primaries_descriptor()),
+                           absl::StrJoin(other_primaries(), ", ")),
            [&settings](const std::string& text) { return set_primaries(settings, text); });
 }
 

@@ -2,6 +2,7 @@
 // are not used; a note says so.
 #include <avif/avif.h>
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <optional>
@@ -9,7 +10,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
-#include "client/image/read/icc_name.h"
+#include "client/image/read/icc_profile.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
 #include "server/base/status_macros.h"
@@ -30,6 +31,13 @@ absl::Status damaged_avif(const FileReader& file, avifResult result, const avifD
   return absl::InvalidArgumentError(absl::StrFormat("%s: damaged AVIF file: %s%s", file.path(),
                                                     avifResultToString(result),
                                                     detail.empty() ? "" : " (" + detail + ")"));
+}
+
+absl::Status unread_matrix(const FileReader& file, const avifImage& picture) {
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: its luma and chroma have matrix %d of H.273 in %s planes, which cannot be read; name "
+      "another one with --input-matrix",
+      file.path(), picture.matrixCoefficients, avifPixelFormatToString(picture.yuvFormat)));
 }
 
 // Turns a picture upright, as the file asks: first counterclockwise by quarter turns, then mirrored.
@@ -74,23 +82,36 @@ avifCropRect crop_of(const avifImage& image, std::vector<std::string>& notes) {
   return {0, 0, image.width, image.height};
 }
 
+// A profile counts before the code points, as libavif says, but for the signals of HDR displays, which a
+// profile can only come close to.
 absl::StatusOr<Signal> signal_of_avif(const FileReader& file, const avifImage& image,
                                       const PictureChoice& choice, std::vector<std::string>& notes) {
   Signal signal;
-  if (image.colorPrimaries == AVIF_COLOR_PRIMARIES_UNSPECIFIED &&
-      image.transferCharacteristics == AVIF_TRANSFER_CHARACTERISTICS_UNSPECIFIED) {
-    if (image.icc.size > 0) {
-      take_profile("ICC", icc_name({reinterpret_cast<const char*>(image.icc.data), image.icc.size}), signal,
-                   notes);
-    }
-    return signal;
+  const bool hdr = image.transferCharacteristics == AVIF_TRANSFER_CHARACTERISTICS_SMPTE2084 ||
+                   image.transferCharacteristics == AVIF_TRANSFER_CHARACTERISTICS_HLG;
+  const bool names_primaries = image.colorPrimaries != AVIF_COLOR_PRIMARIES_UNSPECIFIED;
+  if (image.icc.size > 0 && (!hdr || !names_primaries)) {
+    take_profile("ICC", {reinterpret_cast<const char*>(image.icc.data), image.icc.size},
+                 image.yuvFormat == AVIF_PIXEL_FORMAT_YUV400 ? 1 : 3, signal, notes);
+    if (!hdr && !signal.source.empty()) return signal;
+  } else if (image.icc.size > 0) {
+    notes.push_back("the file's ICC profile is not used: its code points count");
   }
-  if (image.icc.size > 0) notes.push_back("the file's ICC profile is not used: its code points count");
-  signal.source = "nclx";
-  const absl::Status status =
-      set_code_points(file.path(), image.colorPrimaries, image.transferCharacteristics, signal);
-  if (status.ok() || (choice.transfer && choice.own_values)) return signal;
-  return status;
+  const bool names_transfer = image.transferCharacteristics != AVIF_TRANSFER_CHARACTERISTICS_UNSPECIFIED;
+  if (!names_primaries && !names_transfer) return signal;
+  RETURN_IF_ERROR(set_code_points(file.path(), "nclx", image.colorPrimaries, image.transferCharacteristics,
+                                  choice, signal));
+  return signal;
+}
+
+// The luma of H.273's numbers 3 and above 14 has no meaning, and libavif takes it as BT.601.
+absl::Status take_planes_choice(const FileReader& file, const PictureChoice& choice, avifImage& picture) {
+  if (choice.matrix) picture.matrixCoefficients = static_cast<avifMatrixCoefficients>(*choice.matrix);
+  if (choice.full_range) picture.yuvRange = *choice.full_range ? AVIF_RANGE_FULL : AVIF_RANGE_LIMITED;
+  if (picture.matrixCoefficients != 3 && picture.matrixCoefficients <= AVIF_MATRIX_COEFFICIENTS_ICTCP) {
+    return absl::OkStatus();
+  }
+  return unread_matrix(file, picture);
 }
 
 // True if the file has a gain map. This libavif does not look for one. ISO 21496-1 marks it by a brand, Apple
@@ -107,6 +128,30 @@ bool has_gain_map(absl::string_view file) {
     file.remove_prefix(size);
   }
   return false;
+}
+
+// The brightest light that the file says it has, in nit: of its pixels, else of the display that it was made
+// on. 0 if it does not say. This libavif does not read these boxes, of 12 and of 32 bytes. Source: ISO/IEC
+// 14496-12.
+double max_light_of(absl::string_view file) {
+  constexpr absl::string_view kOfPixels(
+      "\0\0\0\x0c"
+      "clli",
+      8);
+  constexpr absl::string_view kOfDisplay(
+      "\0\0\0\x20"
+      "mdcv",
+      8);
+  constexpr size_t kMasteringAt = 16;  // behind the display's primaries and white
+  constexpr double kUnit = 1e-4, kMostNits = 10000;
+  double nits = 0;
+  if (const size_t at = file.find(kOfPixels); at != file.npos) {
+    nits = big_endian_at(file, at + kOfPixels.size(), 2);
+  }
+  if (const size_t at = file.find(kOfDisplay); nits == 0 && at != file.npos) {
+    nits = kUnit * big_endian_at(file, at + kOfDisplay.size() + kMasteringAt);
+  }
+  return std::min(nits, kMostNits);
 }
 
 // The width of an upright pixel over its height; nothing if the file does not say it.
@@ -136,7 +181,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
       avifDecoderSetIOMemory(decoder.get(), reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   if (result == AVIF_RESULT_OK) result = avifDecoderParse(decoder.get());
   if (result != AVIF_RESULT_OK) return damaged_avif(file, result, *decoder);
-  const avifImage& picture = *decoder->image;
+  avifImage& picture = *decoder->image;
   // What is cropped away takes memory, too.
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
   RETURN_IF_ERROR(check_image_size(file.path(), "image", picture.width, picture.height, kFormat, limits));
@@ -144,6 +189,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   const avifCropRect crop = crop_of(picture, notes);
   const Upright upright(picture, crop);
   ASSIGN_OR_RETURN(Signal signal, signal_of_avif(file, picture, choice, notes));
+  signal.max_light_nits = max_light_of({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (decoder->imageCount > 1) {
     notes.push_back(absl::StrFormat("the first of its %d pictures is shown", decoder->imageCount));
   }
@@ -157,6 +203,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   if (result = avifDecoderNextImage(decoder.get()); result != AVIF_RESULT_OK) {
     return damaged_avif(file, result, *decoder);
   }
+  RETURN_IF_ERROR(take_planes_choice(file, choice, picture));
   avifRGBImage rgb;
   avifRGBImageSetDefaults(&rgb, &picture);
   rgb.depth = 16;
@@ -164,9 +211,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   rgb.alphaPremultiplied = AVIF_FALSE;
   avifRGBImageAllocatePixels(&rgb);
   const FreeRgb free{&rgb};
-  if (result = avifImageYUVToRGB(&picture, &rgb); result != AVIF_RESULT_OK) {
-    return damaged_avif(file, result, *decoder);
-  }
+  if (avifImageYUVToRGB(&picture, &rgb) != AVIF_RESULT_OK) return unread_matrix(file, picture);
 
   image.has_alpha = picture.alphaPlane != nullptr;
   image.has_gain_map = maps;

@@ -21,10 +21,6 @@ std::optional<uint32_t> TiffBytes::number(size_t at, size_t size) const {
   return v;
 }
 
-std::optional<TiffBytes::Tag> TiffBytes::tag(uint32_t id) const {
-  return tag_in(number_32(4).value_or(0), id);
-}
-
 std::optional<TiffBytes::Tag> TiffBytes::tag_in(size_t directory, uint32_t id) const {
   const uint32_t count = number_16(directory).value_or(0);
   for (uint32_t i = 0; i < count; ++i) {
@@ -46,15 +42,21 @@ int orientation_of(absl::string_view exif) {
   return turn >= 1 && turn <= 8 ? static_cast<int>(turn) : 1;
 }
 
-void Turned::put_row(std::span<const float> row, uint32_t y, Image& image) const {
-  const bool from_right = orientation_ == 2 || orientation_ == 3 || orientation_ == 6 || orientation_ == 7;
-  const bool from_below = orientation_ == 3 || orientation_ == 4 || orientation_ == 7 || orientation_ == 8;
-  for (uint32_t x = 0; x < width_; ++x) {
-    const uint32_t across = swaps() ? y : x, down = swaps() ? x : y;
-    const uint32_t to_x = from_right ? width() - 1 - across : across;
-    const uint32_t to_y = from_below ? height() - 1 - down : down;
-    std::memcpy(image.pixels.data() + to_y * image.row_bytes() + size_t{16} * to_x, &row[size_t{4} * x], 16);
-  }
+// Source: CIPA DC-008 (Exif) and DC-009 (DCF).
+bool is_adobe_rgb(absl::string_view exif) {
+  constexpr uint32_t kExifDirectory = 0x8769, kColorSpace = 0xa001, kUncalibrated = 0xffff;
+  constexpr uint32_t kInteroperability = 0xa005, kIndex = 1;
+  const TiffBytes bytes(exif);
+  const auto number = [&bytes](const std::optional<TiffBytes::Tag>& tag) {
+    return tag ? bytes.number_32(tag->value_at).value_or(0) : 0;
+  };
+  const std::optional<TiffBytes::Tag> directory = bytes.tag(kExifDirectory);
+  if (!directory) return false;
+  const std::optional<TiffBytes::Tag> space = bytes.tag_in(number(directory), kColorSpace);
+  if (!space || bytes.number_16(space->value_at) != kUncalibrated) return false;
+  const std::optional<TiffBytes::Tag> rules = bytes.tag_in(number(directory), kInteroperability);
+  const std::optional<TiffBytes::Tag> index = rules ? bytes.tag_in(number(rules), kIndex) : std::nullopt;
+  return index && absl::StartsWith(exif.substr(index->value_at), "R03");
 }
 
 std::optional<double> apple_number(absl::string_view exif, uint32_t id) {
@@ -77,6 +79,13 @@ std::optional<double> apple_number(absl::string_view exif, uint32_t id) {
   const std::optional<uint32_t> over = note.number_32(value_at), under = note.number_32(value_at + 4);
   if (!over || !under || *under == 0) return std::nullopt;
   return static_cast<double>(static_cast<int32_t>(*over)) / static_cast<int32_t>(*under);
+}
+
+void Turned::put_row(std::span<const float> row, uint32_t y, Image& image) const {
+  for (uint32_t x = 0; x < width_; ++x) {
+    const auto [to_x, to_y] = place(x, y);
+    std::memcpy(image.pixels.data() + to_y * image.row_bytes() + size_t{16} * to_x, &row[size_t{4} * x], 16);
+  }
 }
 
 }  // namespace candela

@@ -3,7 +3,6 @@
 #include <OpenEXR/ImfChromaticitiesAttribute.h>
 #include <OpenEXR/ImfDoubleAttribute.h>
 #include <OpenEXR/ImfFloatAttribute.h>
-#include <OpenEXR/ImfFramesPerSecond.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
@@ -74,7 +73,8 @@ std::optional<FrameRate> rate_from(double frames, double seconds) {
   if (whole(frames) && whole(seconds)) {
     return FrameRate{static_cast<uint64_t>(frames), static_cast<uint64_t>(seconds)};
   }
-  const Imf::Rational rate = Imf::guessExactFps(frames / seconds);
+  if (const std::optional<FrameRate> film = film_rate(frames / seconds)) return film;
+  const Imf::Rational rate(frames / seconds);
   if (rate.n <= 0 || rate.d == 0) return std::nullopt;
   return FrameRate{static_cast<uint64_t>(rate.n), rate.d};
 }
@@ -118,9 +118,8 @@ std::optional<FrameRate> rate_from(const Imf::Attribute& attribute) {
 
 // The rate that the attribute framesPerSecond says, in any case. OpenEXR defines it as a rational;
 // OpenImageIO also writes an integer, a float, a double, a text such as "24000/1001" or "23.976", or a pair
-// of numbers, as it was given. A decimal number near a film rate is that rate, as OpenEXR's guessExactFps()
-// says: 23.976 is 24000/1001. If several attributes have the name, the one in OpenEXR's own case comes first.
-// Nothing if none is a positive number.
+// of numbers, as it was given. A decimal number may stand for a film rate, as film_rate() says. If several
+// attributes have the name, the one in OpenEXR's own case comes first. Nothing if none is a positive number.
 std::optional<FrameRate> frame_rate_of(const Imf::Header& header) {
   if (const auto own = header.find(kName); own != header.end()) {
     if (const std::optional<FrameRate> rate = rate_from(own.attribute())) return rate;

@@ -414,8 +414,9 @@ absl::Status ImageStream::take_planes(std::string& bytes) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<Image> read_piped_image(int descriptor, const std::string& name, const ImageLimits& limits,
-                                       const PictureChoice& choice) {
+namespace {
+
+absl::StatusOr<std::string> take_whole(int descriptor, const std::string& name, const ImageLimits& limits) {
   ByteSource source(descriptor);
   std::string bytes;
   if (source.take(most_piped_bytes(limits) + 1, bytes)) {
@@ -429,7 +430,21 @@ absl::StatusOr<Image> read_piped_image(int descriptor, const std::string& name, 
         absl::Status(source.status().code(), absl::StrFormat("%s: %s", name, source.status().message())),
         name);
   }
+  return bytes;
+}
+
+}  // namespace
+
+absl::StatusOr<Image> read_piped_image(int descriptor, const std::string& name, const ImageLimits& limits,
+                                       const PictureChoice& choice) {
+  ASSIGN_OR_RETURN(std::string bytes, take_whole(descriptor, name, limits));
   return read_image_bytes(name, std::move(bytes), limits, choice);
+}
+
+absl::StatusOr<FileFacts> describe_piped_image(int descriptor, const std::string& name,
+                                               const ImageLimits& limits) {
+  ASSIGN_OR_RETURN(std::string bytes, take_whole(descriptor, name, limits));
+  return describe_image_bytes(name, std::move(bytes), limits);
 }
 
 }  // namespace candela

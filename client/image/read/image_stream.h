@@ -11,6 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/image/describe.h"
 #include "client/image/image.h"
 #include "client/image/read/y4m_frames.h"
 
@@ -109,5 +110,9 @@ class ImageStream {
 // Reads the image of any kind that the whole stream is. Errors name it as `name`.
 absl::StatusOr<Image> read_piped_image(int descriptor, const std::string& name, const ImageLimits& limits,
                                        const PictureChoice& choice);
+
+// Describes it, as describe_image() does a file.
+absl::StatusOr<FileFacts> describe_piped_image(int descriptor, const std::string& name,
+                                               const ImageLimits& limits);
 
 }  // namespace candela

@@ -26,7 +26,7 @@
 #include "absl/strings/strip.h"
 #include "client/image/power.h"
 #include "client/image/read/exif.h"
-#include "client/image/read/icc_name.h"
+#include "client/image/read/icc_profile.h"
 #include "client/image/read/jpeg_gain_map.h"
 #include "client/image/read/readers.h"
 #include "client/image/read/signal.h"
@@ -57,18 +57,15 @@ std::string icc_profile_of(const JpegSegments& segments, bool& is_there) {
   return profile;
 }
 
-// The signal by the file's ICC profile, else sRGB. Says in `notes` if the profile is not used.
-Signal signal_of_jpeg(const JpegSegments& segments, std::vector<std::string>& notes) {
-  Signal signal;
+// The signal by the file's ICC profile, else by Exif, else sRGB. Says in `notes` if the profile is not used.
+// `components` are the picture's: 4 are inks.
+Signal signal_of_jpeg(const JpegSegments& segments, int components, std::vector<std::string>& notes) {
+  Signal signal{.inks = components == 4};
   bool has_profile = false;
   const std::string profile = icc_profile_of(segments, has_profile);
-  if (!has_profile) return signal;
-  // lcms2 would take the memory that a damaged profile asks for.
-  const std::string description = icc_name(profile);
-  if (description.empty()) {
-    notes.push_back("its ICC profile cannot be read: taken as sRGB");
-  } else {
-    take_profile("ICC", description, signal, notes);
+  if (has_profile) take_profile("ICC", profile, components, signal, notes);
+  if (signal.source.empty() && is_adobe_rgb(segments.named(kApp1, kExifName).value_or(""))) {
+    set_adobe_rgb(signal);
   }
   return signal;
 }
@@ -97,9 +94,9 @@ absl::Status check_process(const std::string& path, const JpegSegments& segments
   return absl::OkStatus();
 }
 
-// Reads JPEG files by libjpeg-turbo: grey and RGB pictures of 8 bits, upright. With a gain map, it is the HDR
-// picture, for a display that can show all of it; else codes of sRGB, or of the primaries that the file's ICC
-// profile names. The mark of a picture's end may be missing.
+// Reads JPEG files by libjpeg-turbo: pictures in grey, RGB and CMYK of 8 bits, upright. With a gain map, it
+// is the HDR picture, for a display that can show all of it; else codes of what its ICC profile says, or of
+// sRGB. The mark of a picture's end may be missing.
 
 constexpr int kMostScans = 500;  // a small file may have very many, and each takes the time of a picture
 
@@ -127,11 +124,12 @@ class Jpeg {
     jpeg_read_header(&codec_, TRUE);
     return true;
   }
-  // Asks for rows of R, G, B and a fourth byte that means nothing. A picture of several scans is read here.
+  // Asks for rows of R, G, B and a fourth byte that means nothing; of inks for C, M, Y and K. A picture of
+  // several scans is read here.
   bool begin_rows() {
     if (setjmp(failure_.leave) != 0) return false;
     failure_.whole_rows = height();
-    codec_.out_color_space = JCS_EXT_RGBX;
+    codec_.out_color_space = is_cmyk() ? JCS_CMYK : JCS_EXT_RGBX;
     jpeg_start_decompress(&codec_);
     if (failure_.file_ends && lacks_scans()) on_damage(reinterpret_cast<j_common_ptr>(&codec_));
     return true;
@@ -148,6 +146,8 @@ class Jpeg {
   uint32_t height() const { return codec_.image_height; }
   int components() const { return codec_.num_components; }
   bool is_cmyk() const { return codec_.jpeg_color_space == JCS_CMYK || codec_.jpeg_color_space == JCS_YCCK; }
+  // Adobe's programs store inks inverted: 255 is none.
+  bool has_inverted_inks() const { return codec_.saw_Adobe_marker == TRUE; }
   bool has_color() const { return codec_.jpeg_color_space != JCS_UNKNOWN; }
   // The width of a pixel over its height; 0 if the file does not say it.
   double pixel_aspect() const {
@@ -308,10 +308,11 @@ uint32_t read_jpeg_rows(Jpeg& jpeg, const SignalDecoder& decoder, const std::opt
   std::vector<uint8_t> codes(size_t{4} * width);
   std::vector<uint16_t> wide(codes.size(), 65535);
   std::vector<float> light(codes.size());
+  const int inverted = jpeg.is_cmyk() && jpeg.has_inverted_inks() ? 255 : 0;
   for (uint32_t y = 0; y < jpeg.height(); ++y) {
     if (!jpeg.read_row(codes.data()) || y >= jpeg.whole_rows()) return y;
     for (size_t i = 0; i < codes.size(); ++i) {
-      if (i % 4 != 3) wide[i] = static_cast<uint16_t>(codes[i] * 257);
+      if (i % 4 != 3 || jpeg.is_cmyk()) wide[i] = static_cast<uint16_t>((codes[i] ^ inverted) * 257);
     }
     decoder.decode(wide, light.data());
     if (map) map->apply(width, y, light.data());
@@ -336,7 +337,7 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
   RETURN_IF_ERROR(check_process(file.path(), *segments));
   Jpeg jpeg(segments->end > 0 ? all.substr(0, segments->end) : all, choice.fills_gaps);
   if (!jpeg.read_header()) return damaged(file.path(), kWhat, jpeg.error());
-  RETURN_IF_ERROR(check_kind(file.path(), "picture", jpeg));
+  if (!jpeg.is_cmyk()) RETURN_IF_ERROR(check_kind(file.path(), "picture", jpeg));
   const int orientation = orientation_of(segments->named(kApp1, kExifName).value_or(""));
   const Turned turned(orientation, jpeg.width(), jpeg.height());
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
@@ -345,7 +346,7 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
   if (const double aspect = jpeg.pixel_aspect(); aspect > 0) {
     set_pixel_aspect(turned.swaps() ? 1 / aspect : aspect, image);
   }
-  Signal signal = signal_of_jpeg(*segments, image.notes);
+  Signal signal = signal_of_jpeg(*segments, jpeg.components(), image.notes);
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(8, image);
   ASSIGN_OR_RETURN(const std::optional<GainMap> map,

@@ -95,6 +95,9 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
   }
   if (magic == "\x89PNG") return FileKind::kPng;
   if (absl::StartsWith(magic, "\xff\xd8\xff")) return FileKind::kJpeg;
+  for (const char* tiff : {"II*\0", "MM\0*", "II+\0", "MM\0+"}) {
+    if (magic == absl::string_view(tiff, 4)) return FileKind::kTiff;
+  }
   if (const std::string brand = begin.size() < 12 ? "" : begin.substr(4);
       brand == "ftypavif" || brand == "ftypavis" || brand == "ftypmif1") {
     return FileKind::kAvif;

@@ -16,7 +16,7 @@
 
 namespace candela {
 
-enum class FileKind { kExr, kRadiance, kPfm, kPng, kAvif, kJpeg };
+enum class FileKind { kExr, kRadiance, kPfm, kPng, kAvif, kJpeg, kTiff };
 
 // The kind by the file's first bytes. INVALID_ARGUMENT, with the file's name, for all others.
 absl::StatusOr<FileKind> file_kind(FileReader& file);
@@ -29,6 +29,7 @@ absl::StatusOr<Image> read_radiance(FileReader& file, const ImageLimits& limits,
 absl::StatusOr<Image> read_png(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
+absl::StatusOr<Image> read_tiff(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 absl::StatusOr<Image> read_pfm(FileReader& file, const ImageLimits& limits, const PictureChoice& choice);
 
 // Checks a size against the limits. `what` names the thing in the user's words, such as "image" or "data

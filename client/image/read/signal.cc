@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
+#include <utility>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/base/number_words.h"
@@ -19,6 +19,7 @@ namespace {
 constexpr double kLog10Of2 = 0.3010299956639812;
 constexpr int kCodes = 65536;
 constexpr std::array<float, 8> kNone{};
+constexpr int kRec2020Code = 9;
 
 // Nit of a PQ signal. Source: SMPTE ST 2084.
 double pq_nits(double signal) {
@@ -34,21 +35,13 @@ double hlg_scene(double signal) {
   return signal <= 0.5 ? signal * signal / 3.0 : (exponential((signal - kC) / kA) + kB) / 12.0;
 }
 
-// Light of a value: of 0 .. 1 of PQ and of HLG, of which it is scene light; of any of the other transfers.
-double light_of(const Signal& signal, double v) {
-  switch (signal.transfer) {
-    case SignalTransfer::kLinear:
-      return v;
-    case SignalTransfer::kSrgb:
-      return to_linear(ColorCurve::kSrgb, v);
-    case SignalTransfer::kGamma:
-      return std::copysign(power(std::abs(v), signal.gamma), v);
-    case SignalTransfer::kPq:
-      return pq_nits(v) / kReferenceWhiteNits;
-    case SignalTransfer::kHlg:
-      return hlg_scene(v);
-  }
-  return v;
+// SMPTE ST 240, as H.273 gives it: signal = 4 light, and above 0.0228 1.1115 light^0.45 - 0.1115.
+double smpte240_light(double v) { return v < 4 * 0.0228 ? v / 4 : power((v + 0.1115) / 1.1115, 1 / 0.45); }
+
+// H.273: signal = 1 + log10(light) / decades. 0 is any light below the least.
+double log_light(double v, double decades) {
+  constexpr double kLnOf10 = 2.302585092994046;
+  return v > 0 ? exponential(kLnOf10 * decades * (v - 1)) : 0;
 }
 
 bool is_display_light(SignalTransfer transfer) {
@@ -71,19 +64,66 @@ std::array<double, 3> luminance_of(const std::array<float, 8>& xy) {
           b[1] * determinant(r, g, w) / all};
 }
 
-void set_rec2020(Signal& signal) { (void)set_code_points("", 9, 2, signal); }
-
 void note_display_light(const Signal& signal, double hlg_peak, Image& image) {
   if (!is_display_light(signal.transfer)) return;
   constexpr double kUsualPeak = 1000;  // nit, of a PQ picture that does not say it
+  const double peak = signal.transfer == SignalTransfer::kHlg ? hlg_peak
+                      : signal.max_light_nits > 0             ? signal.max_light_nits
+                                                              : kUsualPeak;
   image.light = PictureLight::kHdr;
-  image.peak = (signal.transfer == SignalTransfer::kHlg ? hlg_peak : kUsualPeak) / kReferenceWhiteNits;
+  image.peak = std::max(peak / kReferenceWhiteNits, 1.0);
   image.notes.push_back(absl::StrFormat(
       "%s: 1 is reference white, 203 nit; exposure is 0 EV and there is no bloom unless they are given",
       name(signal)));
 }
 
+// The transfers of H.273 with one function: kGamma has the power.
+struct CodedTransfer {
+  int code;
+  SignalTransfer transfer;
+  double gamma = 0;
+};
+constexpr CodedTransfer kCodedTransfers[] = {
+    {1, SignalTransfer::kSrgb},   {4, SignalTransfer::kGamma, 2.2}, {5, SignalTransfer::kGamma, 2.8},
+    {6, SignalTransfer::kSrgb},   {7, SignalTransfer::kSmpte240},   {8, SignalTransfer::kLinear},
+    {9, SignalTransfer::kLog100}, {10, SignalTransfer::kLog316},    {11, SignalTransfer::kSrgb},
+    {12, SignalTransfer::kSrgb},  {13, SignalTransfer::kSrgb},      {14, SignalTransfer::kSrgb},
+    {15, SignalTransfer::kSrgb},  {16, SignalTransfer::kPq},        {17, SignalTransfer::kCinema},
+    {18, SignalTransfer::kHlg}};
+
+// The primaries with this number; null if there are none. 7 is another number of 6.
+const NamedPrimaries* coded_primaries(int code) {
+  const auto known = named_primaries();
+  const auto found = std::ranges::find(known, code == 7 ? 6 : code, &NamedPrimaries::code);
+  return code == 0 || found == known.end() ? nullptr : &*found;
+}
+
 }  // namespace
+
+double light_of(const Signal& signal, double v) {
+  switch (signal.transfer) {
+    case SignalTransfer::kLinear:
+    case SignalTransfer::kProfile:
+      return v;
+    case SignalTransfer::kSrgb:
+      return to_linear(ColorCurve::kSrgb, v);
+    case SignalTransfer::kGamma:
+      return std::copysign(power(std::abs(v), signal.gamma), v);
+    case SignalTransfer::kPq:
+      return pq_nits(v) / kReferenceWhiteNits;
+    case SignalTransfer::kHlg:
+      return hlg_scene(v);
+    case SignalTransfer::kSmpte240:
+      return smpte240_light(v);
+    case SignalTransfer::kLog100:
+      return log_light(v, 2);
+    case SignalTransfer::kLog316:
+      return log_light(v, 2.5);
+    case SignalTransfer::kCinema:
+      return 52.37 / 48 * std::copysign(power(std::abs(v), 2.6), v);
+  }
+  return v;
+}
 
 std::string name(const Signal& signal) {
   switch (signal.transfer) {
@@ -97,69 +137,62 @@ std::string name(const Signal& signal) {
       return "PQ";
     case SignalTransfer::kHlg:
       return "HLG";
+    case SignalTransfer::kSmpte240:
+      return "SMPTE ST 240";
+    case SignalTransfer::kLog100:
+      return "logarithmic (100:1)";
+    case SignalTransfer::kLog316:
+      return "logarithmic (316:1)";
+    case SignalTransfer::kCinema:
+      return "SMPTE ST 428-1";
+    case SignalTransfer::kProfile:
+      return signal.table ? "the profile's table" : "the profile's curves";
   }
   return "?";
 }
 
-absl::Status set_code_points(const std::string& path, int primaries, int transfer, Signal& signal) {
-  const auto refused = [&](const char* what, int code, const char* known, const char* option) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("%s: its %s is %s %d of H.273; Candela reads %s; name another with %s", path,
-                        signal.source, what, code, known, option));
-  };
-  switch (transfer) {
-    case 1:
-    case 13:
-      signal.transfer = SignalTransfer::kSrgb;
-      break;
-    case 4:
-      signal.transfer = SignalTransfer::kGamma;
-      signal.gamma = 2.2;
-      break;
-    case 8:
-      signal.transfer = SignalTransfer::kLinear;
-      break;
-    case 16:
-      signal.transfer = SignalTransfer::kPq;
-      break;
-    case 18:
-      signal.transfer = SignalTransfer::kHlg;
-      break;
-    case 2:
-      break;
-    default:
-      return refused("transfer", transfer, "1, 4, 8, 13, 16 and 18", "--input-transfer");
-  }
-  const auto named = [&](const char* word) {
-    for (const NamedPrimaries& one : named_primaries()) {
-      if (one.name == std::string(word)) signal.xy = one.xy;
-    }
-    return absl::OkStatus();
-  };
-  if (primaries == 1) return named("Rec.709");
-  if (primaries == 9) return named("Rec.2020");
-  if (primaries == 12) return named("P3-D65");
-  if (primaries == 2) return absl::OkStatus();
-  return refused("primaries", primaries, "1, 9 and 12", "--primaries");
+bool is_camera_transfer(int transfer) {
+  constexpr int kSrgbCode = 13;
+  const auto* const coded = std::ranges::find(kCodedTransfers, transfer, &CodedTransfer::code);
+  return coded != std::end(kCodedTransfers) && coded->transfer == SignalTransfer::kSrgb &&
+         transfer != kSrgbCode;
 }
 
-bool set_by_profile_name(const std::string& profile, Signal& signal) {
-  const std::string small = absl::AsciiStrToLower(profile);
-  const auto has = [&small](const char* word) { return absl::StrContains(small, word); };
-  const bool p3 = has("p3"), rec2020 = has("2020") || has("2100"), pq = has("pq"), hlg = has("hlg");
-  if (!p3 && !rec2020 && !pq && !hlg && !has("srgb")) return false;
-  const int primaries = p3 ? 12 : rec2020 || pq || hlg ? 9 : 1;
-  return set_code_points("", primaries, pq ? 16 : hlg ? 18 : 13, signal).ok();
+absl::Status set_code_points(const std::string& path, const char* source, int primaries, int transfer,
+                             const PictureChoice& choice, Signal& signal) {
+  const auto* const coded = std::ranges::find(kCodedTransfers, transfer, &CodedTransfer::code);
+  const bool has_transfer = coded != std::end(kCodedTransfers);
+  const NamedPrimaries* const named = coded_primaries(primaries);
+  const bool bad_transfer =
+      !has_transfer && transfer != kUnspecifiedCode && !choice.transfer && !choice.keeps_signal;
+  const bool bad_primaries = named == nullptr && primaries != kUnspecifiedCode && !choice.own_values;
+  if (bad_transfer || bad_primaries) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": its ", source, " has ", bad_transfer ? absl::StrCat("transfer ", transfer) : "",
+        bad_transfer && bad_primaries ? " and " : "",
+        bad_primaries ? absl::StrCat("primaries ", primaries) : "", ", which H.273 gives no meaning; name ",
+        bad_transfer ? "the transfer with --input-transfer" : "",
+        bad_transfer && bad_primaries ? " and " : "", bad_primaries ? "the primaries with --primaries" : ""));
+  }
+  if (signal.table && transfer == kUnspecifiedCode) return absl::OkStatus();  // it counts as a whole
+  signal.source = source;
+  if (signal.table) signal.xy = kNone;
+  if (has_transfer) {
+    signal.transfer = coded->transfer;
+    signal.gamma = coded->gamma;
+    signal.curve = nullptr;
+    signal.table = nullptr;
+  }
+  if (named != nullptr) signal.xy = named->xy;
+  return absl::OkStatus();
 }
 
-void take_profile(const std::string& source, const std::string& profile, Signal& signal,
-                  std::vector<std::string>& notes) {
-  if (set_by_profile_name(profile, signal)) {
-    signal.source = source;
-    return;
-  }
-  notes.push_back(absl::StrFormat("the ICC profile \"%s\" is none that Candela knows: taken as sRGB",
-                                  printable(profile)));
+void set_adobe_rgb(Signal& signal) {
+  constexpr double kGamma = 563 / 256.0;
+  signal.transfer = SignalTransfer::kGamma;
+  signal.gamma = kGamma;
+  signal.xy = kAdobeRgb.xy;
+  signal.source = "Exif";
 }
 
 HlgDisplay::HlgDisplay(const std::array<float, 8>& xy, double peak)
@@ -178,29 +211,62 @@ SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
       own_values_(choice.own_values),
       coded_(choice.keeps_signal),
       hlg_peak_(choice.hlg_peak) {
+  drops_table_ = signal_.table && (choice.transfer || choice.own_values || coded_);
+  if (drops_table_) {  // it is of the codes as they are, and gives light in Rec.709
+    signal_.table = nullptr;
+    signal_.transfer = SignalTransfer::kSrgb;
+    signal_.xy = kNone;
+    signal_.source = "";
+  }
   if (choice.transfer) {
     signal_.transfer = *choice.transfer;
-    signal_.gamma = 2.2;
+    signal_.gamma = choice.gamma;
+    signal_.curve = nullptr;
     assumes_primaries_ = is_display_light(signal_.transfer) && signal_.xy == kNone;
-    if (assumes_primaries_) set_rec2020(signal_);
-  }
-  light_.resize(kCodes);
-  for (int i = 0; i < kCodes; ++i) {
-    const double v = static_cast<double>(i) / (kCodes - 1);
-    light_[i] = static_cast<float>(coded_ ? v : light_of(signal_, v));
+    if (assumes_primaries_) signal_.xy = coded_primaries(kRec2020Code)->xy;
   }
   if (coded_) signal_.transfer = SignalTransfer::kLinear;
+  if (signal_.table) return;
+  const size_t tables = signal_.curve && !coded_ ? 3 : 1;
+  channel_step_ = tables == 3 ? kCodes : 0;
+  light_.resize(tables * kCodes);
+  for (size_t i = 0; i < light_.size(); ++i) {
+    const double v = static_cast<double>(i % kCodes) / (kCodes - 1);
+    light_[i] = static_cast<float>(tables == 3 ? signal_.curve(i / kCodes, v) : light_of(signal_, v));
+  }
   if (signal_.transfer == SignalTransfer::kHlg) {
     hlg_.emplace(choice.primaries.value_or(signal_.xy == kNone ? kRec709.xy : signal_.xy), choice.hlg_peak);
   }
 }
 
 void SignalDecoder::decode(std::span<const uint16_t> codes, float* light) const {
+  if (signal_.table) {
+    signal_.table(codes.data(), codes.size() / 4, light);
+    for (size_t i = 0; i < codes.size(); i += 4, light += 4) {
+      light[3] = signal_.inks ? 1 : static_cast<float>(codes[i + 3] / 65535.0);
+      for (size_t k = 0; k < 3; ++k) light[k] *= light[3];
+    }
+    return;
+  }
+  if (!signal_.inks) return decode_rgb(codes, light);
   for (size_t i = 0; i < codes.size(); i += 4, light += 4) {
-    double scale = codes[i + 3] / 65535.0;
-    if (hlg_) scale *= hlg_->scale({light_[codes[i]], light_[codes[i + 1]], light_[codes[i + 2]]});
-    for (size_t k = 0; k < 3; ++k) light[k] = static_cast<float>(scale * light_[codes[i + k]]);
-    light[3] = static_cast<float>(codes[i + 3] / 65535.0);
+    const auto left = [&](size_t k) { return uint32_t{65535} - codes[i + k]; };
+    std::array<uint16_t, 4> rgb{0, 0, 0, 65535};
+    for (size_t k = 0; k < 3; ++k) rgb[k] = static_cast<uint16_t>((left(k) * left(3) + 32767) / 65535);
+    decode_rgb(rgb, light);
+  }
+}
+
+void SignalDecoder::decode_rgb(std::span<const uint16_t> codes, float* light) const {
+  const float* const tables[] = {light_.data(), light_.data() + channel_step_,
+                                 light_.data() + 2 * channel_step_};
+  for (size_t i = 0; i < codes.size(); i += 4, light += 4) {
+    const double alpha = codes[i + 3] / 65535.0;
+    std::array<double, 3> of{};
+    for (size_t k = 0; k < 3; ++k) of[k] = tables[k][codes[i + k]];
+    const double scale = hlg_ ? alpha * hlg_->scale(of) : alpha;
+    for (size_t k = 0; k < 3; ++k) light[k] = static_cast<float>(scale * of[k]);
+    light[3] = static_cast<float>(alpha);
   }
 }
 
@@ -210,6 +276,14 @@ void SignalDecoder::describe(int bits, Image& image) const {
   image.signal = absl::StrFormat("%d bits, %s%s", bits, name(signal_),
                                  signal_.source.empty() ? ", assumed" : ", from " + signal_.source);
   if (!coded_) image.light = PictureLight::kSdr;
+  if (drops_table_ && !coded_) {
+    image.notes.emplace_back(
+        "its ICC profile is not used, because --input-transfer or --primaries says what the codes are");
+  }
+  if (signal_.inks && !signal_.table) {
+    image.notes.emplace_back(
+        "CMYK without a profile that is used: its inks are taken as ideal, R = (1 - C) (1 - K)");
+  }
   note_display_light(signal_, hlg_peak_, image);
 }
 
@@ -219,10 +293,10 @@ bool decodes_values(const PictureChoice& choice) {
 
 void decode_values(const PictureChoice& choice, Image& image) {
   if (!decodes_values(choice)) return;
-  Signal signal{.transfer = *choice.transfer};
+  Signal signal{.transfer = *choice.transfer, .gamma = choice.gamma};
   const bool display = is_display_light(signal.transfer);
   if (display && !image.names_primaries && !choice.own_values) {
-    set_rec2020(signal);
+    signal.xy = coded_primaries(kRec2020Code)->xy;
     set_chromaticities(signal.xy, image);
     image.names_primaries = false;
   }

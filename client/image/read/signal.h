@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -21,21 +22,36 @@ struct Signal {
   double gamma = 2.2;         // of kGamma: light is the signal to this power
   std::array<float, 8> xy{};  // the primaries; all 0: none are named
   std::string source = "";    // what said so: "cICP", "iCCP" ...; "" if nothing did
+  double max_light_nits = 0;  // of a PQ picture's brightest pixel; 0: not known
+  bool inks = false;          // the codes are C, M, Y and K; without a table, ideal ones
+  // Of kProfile one of these. Both may be used as long as they live.
+  // Light of a channel's value.
+  std::function<double(size_t channel, double value)> curve{};
+  // Light in Rec.709 of pixels of four codes: R, G, B and one more, or C, M, Y and K, 65535 being all ink.
+  // The fourth of `light` stays as it is.
+  std::function<void(const uint16_t* codes, size_t pixels, float* light)> table{};
 };
 
 // "PQ", "gamma 2.2"
 std::string name(const Signal& signal);
 
-// Sets transfer and primaries by their code points of ITU-T H.273. INVALID_ARGUMENT for those that cannot be
-// read, with a list. `path` and `source` are named in it. 2, unspecified, leaves what `signal` has.
-absl::Status set_code_points(const std::string& path, int primaries, int transfer, Signal& signal);
+// Light of a value: of 0 .. 1 of PQ and of HLG, of which it is scene light; of any of the other transfers but
+// kProfile.
+double light_of(const Signal& signal, double value);
 
-// Sets them by the name of an ICC profile, such as "Display P3". False if it says nothing.
-bool set_by_profile_name(const std::string& profile, Signal& signal);
+inline constexpr int kUnspecifiedCode = 2;  // of primaries, transfer and matrix of ITU-T H.273
 
-// The same of a file that holds the profile where `source` says, with a note if its name says nothing.
-void take_profile(const std::string& source, const std::string& profile, Signal& signal,
-                  std::vector<std::string>& notes);
+// Whether this transfer of H.273 is that of BT.709's cameras.
+bool is_camera_transfer(int transfer);
+
+// Sets transfer and primaries by their code points of ITU-T H.273. INVALID_ARGUMENT for those that mean
+// nothing, if the choice does not overrule them; then `signal` stays as it is. 2, unspecified, leaves what
+// `signal` has. `path` and `source` are named in the error.
+absl::Status set_code_points(const std::string& path, const char* source, int primaries, int transfer,
+                             const PictureChoice& choice, Signal& signal);
+
+// Sets Adobe RGB (1998), which Exif names.
+void set_adobe_rgb(Signal& signal);
 
 // The light of an HLG display, whose peak is in nit. Its primaries weigh the luminance.
 class HlgDisplay {
@@ -56,7 +72,8 @@ class SignalDecoder {
   // `choice` overrules what the file says. Takes 10 ms.
   SignalDecoder(Signal signal, const PictureChoice& choice);
 
-  // Pixels of R, G, B and straight alpha, 0 .. 65535 each, to light that is associated with alpha.
+  // Pixels of R, G, B and straight alpha, 0 .. 65535 each, to light that is associated with alpha. Of inks,
+  // pixels of C, M, Y and K.
   void decode(std::span<const uint16_t> codes, float* light) const;
 
   // Tells the image what it holds: primaries, and that PQ and HLG are light of a display. `bits` are those of
@@ -64,9 +81,14 @@ class SignalDecoder {
   void describe(int bits, Image& image) const;
 
  private:
+  void decode_rgb(std::span<const uint16_t> codes, float* light) const;
+
   Signal signal_;
-  std::vector<float> light_;  // of each code
+  // Of each code, of R, G and B: each has its own, or all share one, and the step from one to the next is 0.
+  std::vector<float> light_;
+  size_t channel_step_ = 0;
   bool own_values_, coded_;
+  bool drops_table_ = false;  // the profile's, because the choice overrules it
   double hlg_peak_;
   bool assumes_primaries_ = false;  // Rec.2020, because the file names none
   std::optional<HlgDisplay> hlg_;

@@ -9,7 +9,6 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "client/image/color.h"
 #include "client/image/read/neighbours.h"
 #include "client/image/read/readers.h"
 #include "server/base/status_macros.h"
@@ -39,6 +38,19 @@ bool has_wide_primaries(const PictureChoice& choice) {
   }
   const NamedPrimaries* known = find_primaries(*choice.primaries);
   return known != nullptr && absl::string_view(known->name) == "Rec.2020";
+}
+
+// The matrix that the user names, else that of the primaries, else the one that the size lets expect.
+absl::StatusOr<LumaMatrix> matrix_of(const std::string& name, const PictureChoice& choice, int64_t height) {
+  if (!choice.matrix) {
+    return has_wide_primaries(choice) ? kRec2020Luma : height < kHdLines ? kRec601Luma : kRec709Luma;
+  }
+  const auto* const known = std::ranges::find(kLumaMatrices, *choice.matrix, &LumaMatrix::code);
+  if (known != std::end(kLumaMatrices)) return *known;
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: --input-matrix names matrix %d of H.273, which a y4m does not have; give another one, or leave it "
+      "out",
+      name, *choice.matrix));
 }
 
 uint32_t code_at(std::span<const std::byte> plane, uint64_t at, int bits) {
@@ -101,11 +113,11 @@ absl::StatusOr<Y4mFrames> Y4mFrames::of(const std::string& name, absl::string_vi
         "420p10, 422p10, 444p10 and mono10",
         name, printable(colour)));
   }
-  Y4mFrames frames(*known, SignalDecoder({.source = ""}, choice));
+  ASSIGN_OR_RETURN(const LumaMatrix matrix, matrix_of(name, choice, height));
+  Y4mFrames frames(*known, matrix, SignalDecoder({.source = ""}, choice));
   frames.width_ = static_cast<uint32_t>(width);
   frames.height_ = static_cast<uint32_t>(height);
-  frames.full_ = full;
-  frames.rec2020_ = has_wide_primaries(choice);
+  frames.full_ = choice.full_range.value_or(full);
   if (aspect.is_known()) {
     frames.pixel_aspect_ = static_cast<double>(aspect.over) / static_cast<double>(aspect.under);
   }
@@ -114,6 +126,12 @@ absl::StatusOr<Y4mFrames> Y4mFrames::of(const std::string& name, absl::string_vi
   if (!choice.transfer && !choice.keeps_signal) {
     frames.notes_.emplace_back(
         "y4m does not name its transfer: taken as sRGB; --input-transfer names another one");
+  }
+  if (!choice.matrix && !known->none && matrix.code == kRec601Luma.code) {
+    frames.notes_.push_back(absl::StrFormat(
+        "y4m does not name its matrix: taken as BT.601, as of fewer than %d lines; --input-matrix names "
+        "another one",
+        kHdLines));
   }
   return frames;
 }
@@ -158,7 +176,6 @@ absl::StatusOr<Image> Y4mFrames::image(std::span<const std::byte> planes) const 
   const size_t bytes = chroma_.bits == 8 ? 1 : 2;
   const uint64_t luma = uint64_t{width_} * height_ * bytes;
   const uint64_t chroma = chroma_.none ? 0 : uint64_t{chroma_width()} * chroma_height() * bytes;
-  const LumaMatrix& matrix = rec2020_ ? kRec2020Luma : kRec709Luma;
   const auto scale = static_cast<float>(1 << (chroma_.bits - 8));
   const float black = full_ ? 0 : 16 * scale, white = full_ ? 256 * scale - 1 : 235 * scale;
   std::vector<float> cb(width_), cr(width_);
@@ -169,10 +186,10 @@ absl::StatusOr<Image> Y4mFrames::image(std::span<const std::byte> planes) const 
     for (uint32_t x = 0; x < width_; ++x) {
       const auto code = static_cast<float>(code_at(planes, uint64_t{y} * width_ + x, chroma_.bits));
       const float grey = (code - black) / (white - black);
-      const float red = grey + matrix.cr * cr[x], blue = grey + matrix.cb * cb[x];
+      const float red = grey + matrix_.cr * cr[x], blue = grey + matrix_.cb * cb[x];
       codes[4 * size_t{x}] = code_of_signal(red);
       codes[4 * size_t{x} + 1] =
-          code_of_signal((grey - matrix.red * red - matrix.blue * blue) / matrix.green);
+          code_of_signal((grey - matrix_.red * red - matrix_.blue * blue) / matrix_.green);
       codes[4 * size_t{x} + 2] = code_of_signal(blue);
     }
     decoder_.decode(codes, reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()));

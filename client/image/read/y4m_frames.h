@@ -1,7 +1,8 @@
 // The frames of a y4m (YUV4MPEG2): planes of luma and two of chroma, of 8 or 10 bits.
 //
 // Luma Y = kr R + kg G + kb B, Cb = (B - Y) / (2 - 2 kb) and Cr = (R - Y) / (2 - 2 kr), of limited or full
-// range, with the weights of BT.709 or BT.2020. Chroma between its samples is linear, and the edge's repeats.
+// range, with the weights of BT.601, BT.709 or BT.2020, or those that the user names. Chroma between its
+// samples is linear, and the edge's repeats.
 #pragma once
 
 #include <cstddef>
@@ -13,6 +14,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
+#include "client/image/color.h"
 #include "client/image/image.h"
 #include "client/image/read/signal.h"
 
@@ -43,7 +45,8 @@ class Y4mFrames {
   };
   static const Chroma kChromas[];
 
-  Y4mFrames(const Chroma& chroma, SignalDecoder decoder) : chroma_(chroma), decoder_(std::move(decoder)) {}
+  Y4mFrames(const Chroma& chroma, const LumaMatrix& matrix, SignalDecoder decoder)
+      : chroma_(chroma), matrix_(matrix), decoder_(std::move(decoder)) {}
 
   uint32_t chroma_width() const { return chroma_.halved_across ? (width_ + 1) / 2 : width_; }
   uint32_t chroma_height() const { return chroma_.halved_down ? (height_ + 1) / 2 : height_; }
@@ -52,9 +55,10 @@ class Y4mFrames {
   void chroma_row(std::span<const std::byte> plane, uint32_t y, std::span<float> row) const;
 
   Chroma chroma_;
+  LumaMatrix matrix_;
   SignalDecoder decoder_;
   uint32_t width_ = 0, height_ = 0;
-  bool full_ = false, rec2020_ = false;
+  bool full_ = false;
   double pixel_aspect_ = 1;
   std::optional<FrameRate> rate_;
   std::vector<std::string> notes_;

@@ -41,6 +41,11 @@ void say_colours(const Image& image, const WriteOptions& options, avifImage& pic
   picture.colorPrimaries = code.primaries;
   picture.transferCharacteristics = code.transfer;
   picture.matrixCoefficients = code.matrix;
+  if (const std::string profile = profile_of_primaries(options); !profile.empty()) {
+    picture.colorPrimaries = AVIF_COLOR_PRIMARIES_UNSPECIFIED;
+    picture.transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_UNSPECIFIED;
+    avifImageSetProfileICC(&picture, reinterpret_cast<const uint8_t*>(profile.data()), profile.size());
+  }
   picture.yuvRange = AVIF_RANGE_FULL;
   picture.alphaPremultiplied = options.associated_alpha ? AVIF_TRUE : AVIF_FALSE;
   const AspectRatio aspect = aspect_ratio(image.pixel_aspect);

@@ -18,6 +18,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
+#include "client/image/color.h"
 #include "client/image/write/atomic_file.h"
 #include "client/image/write/writers.h"
 #include "server/base/status_macros.h"
@@ -94,6 +95,14 @@ void write_with_aspect(AtomicFile& file, std::span<const std::byte> encoded, dou
   file.write(bytes.data() + keep + skip, bytes.size() - keep - skip);
 }
 
+std::string profile_of_primaries(const WriteOptions& options) {
+  if (!options.primaries || is_hdr(options.transfer) || options.transfer == EncodedTransfer::kUnknown)
+    return "";
+  const NamedPrimaries* const known = find_primaries(*options.primaries);
+  return icc_profile(options.transfer, *options.primaries,
+                     known != nullptr ? known->known_as : "a picture's RGB");
+}
+
 namespace {
 
 // A view for the encoders of an image in kRgba8 or kRgba16.
@@ -109,15 +118,17 @@ PictureView picture_of(const Image& image) {
 }
 
 absl::Status write_png(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
-  return encode_png(picture_of(image), {image.has_alpha, options.transfer, options.hdr, options.text},
-                    [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
+  return encode_png(
+      picture_of(image),
+      {image.has_alpha, options.transfer, options.hdr, profile_of_primaries(options), options.text},
+      [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
 }
 
 absl::Status write_jpeg(AtomicFile& file, const Image& image, const WriteOptions& options, Notes&) {
   const PictureView picture = picture_of(image);
   const std::optional<GainMapCodes> in_alpha = gain_map_in_alpha(picture, options.gain_map_max_log2);
   const GainMapCodes* const map = in_alpha ? &*in_alpha : options.gain_map.get();
-  return encode_jpeg(picture, {options.jpeg_quality, options.transfer, map},
+  return encode_jpeg(picture, {options.jpeg_quality, options.transfer, profile_of_primaries(options), map},
                      [&file](const void* bytes, size_t count) { return file.write(bytes, count); });
 }
 

@@ -38,6 +38,7 @@ struct OutputEncoding {
   bool is_film() const { return needs_16_bits() && write == nullptr; }
   bool holds_codes() const { return needs_16_bits() || takes_8_bits(); }
   bool holds_light() const { return !holds_codes(); }
+  bool names_primaries() const { return holds_codes() && write != nullptr; }
   bool has_quality() const { return lossy; }
   bool has_hdr() const { return hdr; }
   bool has_straight_alpha() const { return alpha == v1::ALPHA_STRAIGHT; }

@@ -40,8 +40,8 @@ struct Signal {
 template <typename Sample>
 class Coder {
  public:
-  Coder(const PipeFormat& format, int weight)
-      : matrix_(format.rec2020 ? kRec2020Luma : kRec709Luma),
+  Coder(const PipeFormat& format, const LumaMatrix& matrix, int weight)
+      : matrix_(matrix),
         scale_(static_cast<float>(1 << (format.bits - 8))),
         one_(scale_ / (65535.0f * static_cast<float>(weight))) {}
 
@@ -77,7 +77,8 @@ void make_planes(const PipeFormat& format, const Image& picture, std::byte* to) 
     return reinterpret_cast<const uint16_t*>(picture.pixels.data() + y * picture.row_bytes());
   };
   auto* sample = reinterpret_cast<Sample*>(to);
-  const Coder<Sample> pixels(format, 1), blocks(format, 8);
+  const LumaMatrix matrix = format.matrix.value_or(height < kHdLines ? kRec601Luma : kRec709Luma);
+  const Coder<Sample> pixels(format, matrix, 1), blocks(format, matrix, 8);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) *sample++ = pixels.luma(pixel_at(row_at(y), x));
   }
@@ -123,8 +124,10 @@ void make_pam(const Image& picture, std::vector<std::byte>& bytes) {
 const OutputEncoding& piped_encoding(PipeKind kind) { return kind == PipeKind::kPam ? kPams : kFilm; }
 
 PipeFormat pipe_format(PipeKind kind, int bits, EncodedTransfer transfer, const HdrDisplay& hdr) {
-  const bool is_film_hdr = is_hdr(transfer);
-  return {kind, bits != 0 ? bits : is_film_hdr ? 10 : 8, is_film_hdr && !hdr.p3};
+  const bool hdr_signal = is_hdr(transfer);
+  PipeFormat format{kind, bits != 0 ? bits : hdr_signal ? 10 : 8};
+  if (hdr_signal) format.matrix = hdr.p3 ? kRec709Luma : kRec2020Luma;
+  return format;
 }
 
 std::string film_header(const PipeFormat& format, uint32_t width, uint32_t height, double pixel_aspect,

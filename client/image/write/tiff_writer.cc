@@ -67,7 +67,8 @@ Tiff open_tiff(TiffOutput& output) {
 bool set_fields(TIFF* tiff, const Image& image, const WriteOptions& options, uint32_t strip_rows) {
   constexpr int kFast = 1;  // of Deflate's levels, 1 .. 12
   const AspectRatio aspect = aspect_ratio(image.pixel_aspect);
-  const std::string& profile = icc_profile(options.transfer);
+  const std::string own = profile_of_primaries(options);
+  const std::string& profile = own.empty() ? icc_profile(options.transfer) : own;
   const uint16_t alpha = options.associated_alpha ? EXTRASAMPLE_ASSOCALPHA : EXTRASAMPLE_UNASSALPHA;
   return TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, image.width) != 0 &&
          TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, image.height) != 0 &&

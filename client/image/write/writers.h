@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 
 #include "absl/status/status.h"
 #include "client/image/write/atomic_file.h"
@@ -20,6 +21,9 @@ absl::Status write_pfm(AtomicFile& file, const Image& image, const WriteOptions&
 // A checked image and options. The same ones give the same bytes with any number of threads. INTERNAL with
 // the reason, or if the sink returned false.
 absl::Status encode_avif(const Image& image, const WriteOptions& options, int threads, ByteSink sink);
+
+// The ICC profile of an image whose primaries are not Rec.709's; "" of others.
+std::string profile_of_primaries(const WriteOptions& options);
 
 // A pixel's width : height as the nearest fraction of 16-bit numbers.
 struct AspectRatio {

@@ -20,6 +20,7 @@ limit, and a retry delay.
 
 Without an address, candelad is started, as CANDELAD or PATH have it; else give "HOST:PORT", "unix:PATH" or a list of them.
 """
+from . import _fork  # isort: skip  # before grpc
 from ._aio import AsyncSession
 from ._baked_view import BakedView, bake_transform, bake_view
 from ._calls import health, histogram, info, meter, render

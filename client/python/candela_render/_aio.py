@@ -45,6 +45,7 @@ class AsyncSession:
     @property
     def _open(self) -> Session:
         assert self._session is not None, "use it as `async with AsyncSession() as session`"
+        self._session._core.of_this_process()  # a fork has none of the threads
         return self._session
 
     async def __call__(self, frame: Array | View, *, time: float, **rest: Any) -> tuple[Pixels, pb.ResultHeader]:

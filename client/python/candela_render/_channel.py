@@ -7,7 +7,8 @@ from typing import Any
 
 import grpc
 
-from ._error import invalid
+from . import _fork
+from ._error import Error, invalid
 from ._server import own_server
 
 Servers = str | os.PathLike[str] | list[str] | tuple[str, ...] | None  # None: this process's own
@@ -72,6 +73,9 @@ class Connection:
     """A channel to one server. It connects by itself when it is used. Any thread may use it."""
 
     def __init__(self, address: str, security: Security, ping_interval: float = 10, own: bool = False) -> None:
+        if not _fork.grpc_works():
+            raise Error("FAILED_PRECONDITION", "this process is a fork of one that used gRPC, which was imported without "
+                        f"{_fork.VARIABLE}=1: import candela_render before grpc, or set the variable before Python starts")
         self.address = address
         self._own = own
         self._token_file = security.token_file

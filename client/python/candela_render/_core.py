@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 import collections
+import os
 import threading
 import time as clock
+import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,12 +30,18 @@ class Stats:
     mixed_bits: bool = False
 
 
+HOLD_LIMIT = 1.0  # s
+_cores: weakref.WeakSet[Core] = weakref.WeakSet()  # of this process
+
+
 class Core:
     """What the callers share with the thread that drives the calls. `changed` guards all of it."""
 
     def __init__(self, connections: list[Connection], opening: pb.StreamOpen, log: Log, resume_limit: float,
                  silence_limit: float, transport: str) -> None:
+        self._process = os.getpid()
         self.changed = threading.Condition()
+        self.held = False  # no frame may be submitted
         self.connections, self.log, self.silence_limit = connections, log, silence_limit
         self.name, self.lookahead, self.encoding = opening.session, opening.lookahead, opening.encoding
         self.wants_state = opening.return_state
@@ -50,6 +58,7 @@ class Core:
         self._bits = ""
         self._thread = threading.Thread(target=self._drive, name="candela-session", daemon=True)
         self._thread.start()
+        _cores.add(self)
 
     # For the calls, with the lock.
 
@@ -84,6 +93,13 @@ class Core:
 
     # For the callers.
 
+    def of_this_process(self) -> Core:
+        """Itself. Raises in a fork, where no thread makes its calls and any of its locks may stay locked."""
+        if self._process != os.getpid():
+            raise Error("FAILED_PRECONDITION", "this session belongs to the process that opened it, and this is a fork of that; "
+                        "open one here, after the fork")
+        return self
+
     def wait(self, until: Any) -> None:
         """With the lock. Raises what ended the session."""
         self.changed.wait_for(lambda: self.ended or until())
@@ -91,6 +107,8 @@ class Core:
             raise self.end or Error("FAILED_PRECONDITION", "the session has ended; open another one for more frames")
 
     def close(self) -> None:
+        if self._process != os.getpid():
+            return  # it goes on in the process that opened it
         with self.changed:
             self.cancelled = True
             self.changed.notify_all()
@@ -98,6 +116,19 @@ class Core:
             self._thread.join()
         for connection in self.connections:
             connection.close()
+
+    # For forks: gRPC's part in the child may wait for ever if a thread of the parent was busy in it.
+
+    def hold(self) -> None:
+        """Waits until the frames on their way have their results, for a while, and keeps the lock: all threads stop there."""
+        self.changed.acquire()
+        self.held = True
+        self.changed.wait_for(lambda: self.ended or self.log.unanswered <= self.lookahead, HOLD_LIMIT)
+
+    def let_go(self) -> None:
+        self.held = False
+        self.changed.notify_all()
+        self.changed.release()
 
     # The thread.
 
@@ -188,3 +219,30 @@ class Core:
             one._put_on(connection)
             put.add(one.id)
         return bool(missing)
+
+
+_forking = threading.Lock()
+_held: list[Core] = []  # by the thread that forks
+
+
+def _before_fork() -> None:
+    _forking.acquire()
+    _held.extend(_cores)
+    for core in _held:
+        core.hold()
+
+
+def _after_fork() -> None:
+    while _held:
+        _held.pop().let_go()
+    _forking.release()
+
+
+def _in_child() -> None:
+    global _forking
+    _forking = threading.Lock()
+    _held.clear()
+    _cores.clear()
+
+
+os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_in_child)

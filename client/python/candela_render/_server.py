@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import threading
 
+from . import _fork
 from ._error import Error
 
 # Ends the server if this process dies without a word: then the pipe that it reads ends.
@@ -36,7 +37,8 @@ class _OwnServer:
     def _start(self, program: str) -> None:
         command = [program, "--listen", self.address, "--resume-keys", f"{self._folder}/keys", "--client-share", "100",
                    "--memory-budget", "2GiB", "--environment-budget", "1GiB", "--log-level", "error"]
-        variables = {name: value for name, value in os.environ.items() if not name.startswith("CANDELA_")}
+        variables = {name: value for name, value in os.environ.items()
+                     if not name.startswith("CANDELA_") and name != _fork.VARIABLE}
         with open(f"{self._folder}/log", "wb") as log:
             # In sessions of their own, where the terminal's Ctrl-C does not reach them.
             self._process = subprocess.Popen(command, env=variables, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,

@@ -47,7 +47,8 @@ class Session:
     transport: how pixels go to a server at a unix socket: "memory" that both share, "grpc", or "auto": memory where it has it.
     name: 1 .. 64 letters, digits, dots, dashes and underscores. None: a random one.
 
-    Waits until a server has opened the session. Raises Error. Any thread may use a session.
+    Waits until a server has opened the session. Raises Error. Any thread may use a session; a fork of the process may not, and
+    opens its own.
     """
 
     def __init__(self, server: Servers = None, *, settings: Settings | None = None, lookahead: int = 0,
@@ -65,9 +66,9 @@ class Session:
                                     encoding=enum_number(encoding, pb.Encoding.DESCRIPTOR, "encoding"))
         except (TypeError, ValueError) as error:
             raise invalid(str(error)) from None
-        self._core = Core(connect(server, security, ping_interval), opening, Log(self._base, state), resume_limit,
-                          silence_limit, transport)
-        self._closed = weakref.finalize(self, self._core.close)
+        self._opened = Core(connect(server, security, ping_interval), opening, Log(self._base, state), resume_limit,
+                            silence_limit, transport)
+        self._closed = weakref.finalize(self, self._opened.close)
         self._calling, self._submitting = threading.Lock(), threading.Lock()
         self._shift_ns = 0
         self._cut = False
@@ -128,7 +129,7 @@ class Session:
         core, header = self._core, made.header
         made.image_bytes = self._image_bytes(header.height, header.width, settings)
         with self._submitting, core.changed:
-            core.wait(lambda: self._ready() and not core.finished and not core.ended)
+            core.wait(lambda: self._ready() and not core.finished and not core.ended and not core.held)
             time_ns = round(time * 1e9)
             new_scene = cut or self._cut
             shift = self._shift_ns
@@ -200,6 +201,11 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @property
+    def _core(self) -> Core:
+        """Taken before any lock."""
+        return self._opened.of_this_process()
 
     def _settings_with(self, changes: dict[str, Any]) -> pb.Settings:
         """Those of the last frame are kept: to make them takes longer than all the rest of a small frame."""

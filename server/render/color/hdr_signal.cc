@@ -27,22 +27,22 @@ double hlg_exponent(double peak_nits) {
 
 namespace {
 
-constexpr double kSourcePeak = kPqPeakNits;  // becomes the display's peak
 // Greys among which the steepest is sought.
 constexpr double kLeastGrey = 0x1p-14, kMostGrey = 0x1p8;
 constexpr int kGreysPerOctave = 64;
 constexpr double kLeastMaxLog2 = 1.0 / 64;
 
-// BT.2390's roll-off of light in nit from kSourcePeak to a display's peak.
-double rolled_off(double nits, double peak_nits) {
-  const double most = pq_signal(peak_nits / kSourcePeak);
+// BT.2390's roll-off of light in nit from a source's peak to a display's.
+double rolled_off(double nits, double source_nits, double peak_nits) {
+  const double source = pq_signal(source_nits / kPqPeakNits);
+  const double most = pq_signal(peak_nits / kPqPeakNits) / source;
   const double knee = 1.5 * most - 0.5;
-  const double e = pq_signal(std::min(nits, kSourcePeak) / kSourcePeak);
+  const double e = pq_signal(std::min(nits, source_nits) / kPqPeakNits) / source;
   if (e < knee || most >= 1) return std::min(nits, peak_nits);
   const double t = (e - knee) / (1 - knee);
   const double bent = (2 * t * t * t - 3 * t * t + 1) * knee + (t * t * t - 2 * t * t + t) * (1 - knee) +
                       (-2 * t * t * t + 3 * t * t) * most;
-  return pq_light(bent) * kSourcePeak;
+  return pq_light(bent * source) * kPqPeakNits;
 }
 
 // Where piece i of the table begins.
@@ -54,13 +54,15 @@ double begin_of(uint32_t i) {
 
 }  // namespace
 
-GainCurve::GainCurve(const std::function<Rgb(const Rgb&)>& tone_curve, double peak_nits)
+GainCurve::GainCurve(const std::function<Rgb(const Rgb&)>& tone_curve, double source_nits, double peak_nits)
     : grey_([tone_curve](double n) {
         const Rgb y = tone_curve({n, n, n});
         return std::clamp(0.2126 * y[0] + 0.7152 * y[1] + 0.0722 * y[2], 0.0, 1.0);
       }),
+      source_(source_nits / kReferenceWhiteNits),
       peak_(peak_nits / kReferenceWhiteNits) {
-  CHECK(peak_nits >= kReferenceWhiteNits && peak_nits <= kSourcePeak);
+  CHECK(peak_nits >= kReferenceWhiteNits && peak_nits <= kPqPeakNits);
+  CHECK(source_nits >= kReferenceWhiteNits && source_nits <= kPqPeakNits);
   steepest_ = 0;
   const double step = portable_exp2(1.0 / kGreysPerOctave);
   const double black = grey_(0);  // a film's is above 0
@@ -79,8 +81,9 @@ GainCurve::GainCurve(const std::function<Rgb(const Rgb&)>& tone_curve, double pe
 double GainCurve::gain_at(double n) const {
   const double sdr = grey_(n);
   if (n <= shoulder_ || sdr <= 0) return 1;
-  return std::max(1.0, rolled_off(steepest_ * n * kReferenceWhiteNits, peak_ * kReferenceWhiteNits) /
-                           kReferenceWhiteNits / sdr);
+  const double nits = rolled_off(steepest_ * n * kReferenceWhiteNits, source_ * kReferenceWhiteNits,
+                                 peak_ * kReferenceWhiteNits);
+  return std::max(1.0, nits / kReferenceWhiteNits / sdr);
 }
 
 double GainCurve::log2_gain(double n) const {

@@ -31,9 +31,9 @@ class GainCurve {
  public:
   using Rgb = std::array<double, 3>;
 
-  // Of a tone curve, from exposed light of Rec.709 to display light, for an HDR display of this peak, 203 ..
-  // 10000 nit. Takes 3500 calls of the curve.
-  GainCurve(const std::function<Rgb(const Rgb&)>& tone_curve, double peak_nits);
+  // Of a tone curve, from exposed light of Rec.709 to display light, for an HDR display of this peak. The
+  // source's peak becomes the display's. Both are 203 .. 10000 nit. Takes 3500 calls of the curve.
+  GainCurve(const std::function<Rgb(const Rgb&)>& tone_curve, double source_nits, double peak_nits);
 
   // log2 of the gain of a colour whose largest component is n, 0 or more: 0 .. max_log2(), or a hundredth of
   // a code more.
@@ -54,7 +54,7 @@ class GainCurve {
   std::shared_ptr<const ColorTable> make_pieces() const;
 
   std::function<double(double)> grey_;  // display luminance of grey
-  double peak_;                         // in units of reference white
+  double source_, peak_;                // in units of reference white
   double steepest_ = 1.0;               // k: the largest display light above black over light
   double shoulder_ = 0.0;               // t: the grey where it is
   double max_log2_ = 0.0;

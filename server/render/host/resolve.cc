@@ -500,6 +500,8 @@ inline Stage curve_stage(const shader::ResolveConstants& constants) {
       return show_table<shader::CURVE_TABLE_AP1>;
     case shader::CURVE_ACES_2:
       return constants.limit == display ? show_aces2 : show_aces2_of_p3_in_rec2020;
+    case shader::CURVE_SHOULDER:
+      return show_curve<shader::CURVE_SHOULDER>;
     case shader::CURVE_BT2390:
       return stage_for_display<shader::CURVE_BT2390>(display);
     default:

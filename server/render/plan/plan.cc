@@ -299,18 +299,17 @@ reference::MeterParams reference_meter(const Settings& settings) {
 // peak; aces-2 has its own. Any curve is flat before MAX_EXPOSURE, even for a half's smallest step.
 double exposure_factor(const Settings& settings, double exposure) {
   double factor = exposure * settings->prescale();
-  if (is_hdr(*settings) && settings->curve() != v1::TONE_CURVE_ACES_2) {
-    factor *= kReferenceWhiteNits / settings->peak_nits();
-  }
+  if (settings->curve() != v1::TONE_CURVE_ACES_2)
+    factor *= kReferenceWhiteNits / display_peak_nits(*settings);
   return std::min<double>(factor, shader::MAX_EXPOSURE);
 }
 
-// Sets what describes the HDR display.
+// Sets what describes the display.
 void set_display(const Settings& settings, shader::ResolveParams& params) {
-  const double peak = settings->peak_nits() / kPqPeakNits;
+  const double peak = display_peak_nits(*settings) / kPqPeakNits;
   params.display_peak = static_cast<float>(peak);
   params.peak_signal = static_cast<float>(pq_signal(peak));
-  params.hlg_exponent = static_cast<float>(hlg_exponent(settings->peak_nits()));
+  if (is_hdr(*settings)) params.hlg_exponent = static_cast<float>(hlg_exponent(settings->peak_nits()));
   if (settings->curve() == v1::TONE_CURVE_BT2390) {
     params.curve_white = static_cast<float>(pq_signal(settings->source_peak_nits() / kPqPeakNits));
   }
@@ -331,11 +330,12 @@ double largest_light(const FrameStats& stats) {
   return std::clamp<double>(most, shader::MAX_HALF, shader::MAX_LIGHT);
 }
 
-// Whether the image's scene keeps float32: an HDR display's does, and with max_error_codes every one. Other
-// frames are halves, unless a matrix changes them.
+// Whether the image's scene keeps float32: an HDR display's does, and with 16 bits or max_error_codes every
+// one. Other frames are halves, unless a matrix changes them.
 bool keeps_floats(const TextureLayout& layout, const Settings& settings, bool matrix) {
   const bool rounds = layout.desc.format == v1::PIXEL_FORMAT_RGBA32F || matrix;
-  return is_hdr(*settings) || (settings->has_max_error_codes() && rounds);
+  const bool exact = settings->has_max_error_codes() || settings->output_format() == v1::OUTPUT_FORMAT_RGBA16;
+  return is_hdr(*settings) || (exact && rounds);
 }
 
 // Whether there is light outside of Rec.709, of which a curve may cut a part.
@@ -393,7 +393,7 @@ ReferencePlan plan_reference(const TextureLayout& layout, const Settings& settin
   plan.resolve.bloom_intensity = bloom.intensity();
   plan.resolve.curve = static_cast<uint32_t>(settings->curve());
   plan.resolve.gamut = gamut_of(settings, decisions.table.get());
-  plan.resolve.curve_white = settings->curve_white();
+  plan.resolve.curve_white = curve_white(*settings);
   plan.resolve.transfer = static_cast<uint32_t>(output_transfer(*settings));
   plan.resolve.display = display_constant(settings);
   plan.resolve.limit = limit_constant(settings);
@@ -434,8 +434,8 @@ shader::ResolveParams resolve_params(const TextureLayout& layout, const Settings
   params.frame = input_params(layout, matrix);
   params.output_pitch = layout.image_pitch;
   params.exposure = static_cast<float>(exposure_factor(settings, decisions.exposure));
-  params.curve_white = settings->curve_white();
-  if (is_hdr(*settings)) set_display(settings, params);
+  params.curve_white = static_cast<float>(curve_white(*settings));
+  set_display(settings, params);
   params.dither_frame = static_cast<uint32_t>(decisions.sequence);
   params.background_r = settings->background().red();
   params.background_g = settings->background().green();

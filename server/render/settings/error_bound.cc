@@ -51,9 +51,10 @@ constexpr TableError kAces2Codes = {0.04, 1.5, 0.05};
 constexpr TableError kAces2WideCodes = {0.3, 3, 0.08};
 
 // Of an HDR display's signal, in codes: what the polynomials leave, and with bt2390 its signals of float32
-// besides.
+// besides. What those leave of an SDR display's.
 constexpr double kHdrCodes = 5e-4;
 constexpr double kBt2390Codes = 8e-3;
+constexpr double kBt2390SdrCodes = 0.05;
 // The largest slopes of PQ and HLG over the logarithm of light; with HLG's OOTF.
 constexpr double kPqSlope = 0.11;
 constexpr double kHlgSlope = 0.3;
@@ -102,6 +103,9 @@ CurveError curve_error(const Settings& settings) {
       return {8, 2, 6, 6e-6};
     case v1::TONE_CURVE_ACES_2:
       return {12, 3.3, 25, 2e-6};
+    case v1::TONE_CURVE_BT2390:
+    case v1::TONE_CURVE_SHOULDER:
+      return {2, 2, 1, 0};
     case v1::TONE_CURVE_TABLE:
       return table_error(*settings.table(), settings.table_step());
     default:
@@ -206,7 +210,7 @@ double error_bound(const Tier& tier, const Settings& settings, const BoundFacts&
   }
   codes += 255 * encoded(settings, light);
   if (is_hdr(*settings)) codes += kHdrCodes;
-  if (settings->curve() == v1::TONE_CURVE_BT2390) codes += kBt2390Codes;
+  if (settings->curve() == v1::TONE_CURVE_BT2390) codes += is_hdr(*settings) ? kBt2390Codes : kBt2390SdrCodes;
   if (transfer == v1::TRANSFER_SRGB) codes += tier.transfer_codes;
   if (transfer == v1::TRANSFER_GAMMA22) codes += kPowerCodes;
   if (settings->curve() == v1::TONE_CURVE_ACES_1) {

@@ -5,6 +5,7 @@
 
 #include "server/render/color/aces.h"
 #include "server/render/color/aces2.h"
+#include "server/render/settings/hdr_display.h"
 #include "shaders/reference.h"
 
 namespace candela {
@@ -28,7 +29,7 @@ std::function<Rgb(const Rgb&)> tone_curve_of(const v1::Settings& settings,
         return {rgb[0], rgb[1], rgb[2]};
       };
     default:
-      return [curve = static_cast<uint32_t>(settings.curve()), white = settings.curve_white()](const Rgb& c) {
+      return [curve = static_cast<uint32_t>(settings.curve()), white = curve_white(settings)](const Rgb& c) {
         return reference::tone_curve(curve, c, white);
       };
   }
@@ -39,7 +40,9 @@ std::function<Rgb(const Rgb&)> tone_curve_of(const v1::Settings& settings,
 std::shared_ptr<const GainCurve> gain_curve_of(const v1::Settings& settings,
                                                const std::shared_ptr<const ColorTable>& table) {
   if (!settings.has_gain_map_peak_nits()) return nullptr;
-  return std::make_shared<const GainCurve>(tone_curve_of(settings, table), settings.gain_map_peak_nits());
+  const double source_nits = settings.has_source_peak_nits() ? settings.source_peak_nits() : kPqPeakNits;
+  return std::make_shared<const GainCurve>(tone_curve_of(settings, table), source_nits,
+                                           settings.gain_map_peak_nits());
 }
 
 }  // namespace candela

@@ -7,12 +7,33 @@
 #include "proto/candela/v1/settings.h"
 #include "server/base/status_macros.h"
 #include "server/render/color/aces2.h"
+#include "server/render/color/hdr_signal.h"
 #include "server/render/settings/settings.h"
 
 namespace candela {
 namespace {
 
+bool has_source_peak(const v1::Settings& settings) {
+  return settings.curve() == v1::TONE_CURVE_BT2390 || settings.curve() == v1::TONE_CURVE_SHOULDER;
+}
+
 absl::Status refused(std::string words) { return absl::InvalidArgumentError(std::move(words)); }
+
+absl::Status check_source_peak(const v1::Settings& settings) {
+  if (!settings.has_source_peak_nits()) return absl::OkStatus();
+  if (!has_source_peak(settings)) {
+    return refused(absl::StrFormat(
+        "source_peak_nits is %g and curve is %s; only bt2390 and shoulder have a source's peak",
+        settings.source_peak_nits(), v1::word_of(settings.curve())));
+  }
+  const double peak = display_peak_nits(settings);
+  if (settings.source_peak_nits() < peak) {
+    return refused(absl::StrFormat(
+        "source_peak_nits is %g and the display's peak %g nit; the source's must not be lower",
+        settings.source_peak_nits(), peak));
+  }
+  return absl::OkStatus();
+}
 
 // Without PQ or HLG there is no HDR display to describe.
 absl::Status check_sdr(const v1::Settings& settings) {
@@ -23,18 +44,14 @@ absl::Status check_sdr(const v1::Settings& settings) {
         "leave it out",
         field, value, transfer));
   };
-  if (settings.curve() == v1::TONE_CURVE_BT2390) return only_hdr("curve", "bt2390");
   if (settings.has_peak_nits()) return only_hdr("peak_nits", v1::format_number(settings.peak_nits()));
-  if (settings.has_source_peak_nits()) {
-    return only_hdr("source_peak_nits", v1::format_number(settings.source_peak_nits()));
-  }
   if (settings.display_primaries() != v1::PRIMARIES_UNSPECIFIED) {
     return only_hdr("display_primaries", v1::word_of(settings.display_primaries()));
   }
   if (settings.limit_primaries() != v1::PRIMARIES_UNSPECIFIED) {
     return only_hdr("limit_primaries", v1::word_of(settings.limit_primaries()));
   }
-  return absl::OkStatus();
+  return check_source_peak(settings);
 }
 
 absl::Status check_gain_map_settings(const v1::Settings& settings) {
@@ -92,20 +109,19 @@ absl::Status check_peaks(const v1::Settings& settings) {
     return refused(absl::StrFormat(
         "peak_nits is %g and curve is aces-2, which is published for 500, 1000, 2000 and 4000", peak));
   }
-  if (!settings.has_source_peak_nits()) return absl::OkStatus();
-  if (settings.curve() != v1::TONE_CURVE_BT2390) {
-    return refused(absl::StrFormat("source_peak_nits is %g and curve is %s; only bt2390 has a source's peak",
-                                   settings.source_peak_nits(), v1::word_of(settings.curve())));
-  }
-  if (settings.source_peak_nits() < peak) {
-    return refused(
-        absl::StrFormat("source_peak_nits is %g and peak_nits is %g; the source's must not be lower",
-                        settings.source_peak_nits(), peak));
-  }
-  return absl::OkStatus();
+  return check_source_peak(settings);
 }
 
 }  // namespace
+
+double display_peak_nits(const v1::Settings& settings) {
+  return is_hdr(settings) ? settings.peak_nits() : kReferenceWhiteNits;
+}
+
+double curve_white(const v1::Settings& settings) {
+  return has_source_peak(settings) ? settings.source_peak_nits() / kReferenceWhiteNits
+                                   : settings.curve_white();
+}
 
 v1::Primaries limit_of(const v1::Settings& settings) {
   return settings.limit_primaries() == v1::PRIMARIES_UNSPECIFIED ? v1::PRIMARIES_P3_D65

@@ -199,6 +199,15 @@ def pipes(bench: Bench, _: str) -> None:
         hold(ok(bench(line), line).out.startswith(begin), f"--pipe {word} does not begin as {begin}")
 
 
+def pipe_matrices(bench: Bench, _: str) -> None:
+    """Each matrix makes other planes; a small picture has BT.601's without the option."""
+    outputs = []
+    for option in ("--pipe-matrix bt709", "--pipe-matrix bt2020", "--pipe-matrix bt601", ""):
+        line = f"stream film - -q --server PLAIN {option}"
+        outputs.append(ok(bench(line), line).out)
+    hold(len(set(outputs)) == 3 and outputs[2] == outputs[3], "--pipe-matrix does not choose the matrix")
+
+
 def sizes(run: Run) -> set:
     """Width, height and pixel aspect of the PNG files that it wrote."""
     def of(png: bytes) -> tuple:

@@ -2,7 +2,7 @@
 import json
 
 from checks import (FFMPEG, GUARDS, LINES, OUTPUTS, SERVERS, alpha, at_home, bench_encodings, both, changes, device, each_word, elsewhere,
-                    encodings, executor, films, guarded, json_of, late, named, needs, one_file, pipes, plural, public, quick_report, quiet, refuses,
+                    encodings, executor, films, guarded, json_of, late, named, needs, one_file, pipe_matrices, pipes, plural, public, quick_report, quiet, refuses,
                     shows, sizes, waits)
 
 INPUT = {  # of render, contact, stream, meter, view and environment
@@ -14,6 +14,10 @@ INPUT = {  # of render, contact, stream, meter, view and environment
                                 f"{c} rows.0001.pfm {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--input-transfer": lambda c: changes("--input-transfer linear", "--spot 0,0,8,1" if c == "meter" else "",
                                           f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
+    "--input-matrix": lambda c: changes("--input-matrix bt601", "--spot 0,0,8,1" if c == "meter" else "",
+                                        f"{c} matrix.0001.avif {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
+    "--input-range": lambda c: changes("--input-range limited", "--spot 0,0,8,1" if c == "meter" else "",
+                                       f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--hlg-peak": lambda c: changes("--hlg-peak 400", "--spot 0,0,8,1" if c == "meter" else "",
                                     f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--part": lambda c: changes("--part sun", line=one_file(c, "parts")),
@@ -23,6 +27,14 @@ INPUT = {  # of render, contact, stream, meter, view and environment
                                        f"{c} chunk.exr {OUTPUTS[c]} --json - -q --server PLAIN {{}}", "--max-chunk-mib"),
     "--max-pixels": lambda c: needs("--max-pixels 100000000", "--max-pixels 5", words="--max-pixels allows 5"),
     "--exr-view": lambda c: changes("--exr-view right", line=one_file(c, "views")),
+}
+FINISHED = {  # of render, contact, stream, meter and view
+    "--scene-light": lambda c: changes("--scene-light", "--spot 0,0,8,1" if c == "meter" else "",
+                                       f"{c} codes.0001.png {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
+}
+CHOSEN = {  # of render, contact, stream, meter and info
+    "--only": lambda c: both(needs("--only png,exr", "--only png,hdr", words=".png", line="info scene.exr {}" if c == "info" else ""),
+                             refuses("--only a/b", words="--only")),
 }
 METERED = {  # of render, stream, meter and view
     "--white-balance": lambda c: changes("--white-balance 3200"),
@@ -49,13 +61,13 @@ BEHIND = {  # of render, contact and stream
 }
 DRAWN = {  # of render, contact, stream and view
     "--locked-exposure": lambda c: changes("--locked-exposure shot.json"),
-    "--curve": lambda c: each_word("--curve", but=("bt2390",)),
+    "--curve": lambda c: each_word("--curve"),
     "--curve-white": lambda c: changes("--curve-white 2", "--curve reinhard-extended"),
     "--prescale": lambda c: changes("--prescale 2"),
     "--transfer": lambda c: each_word("--transfer", but=("pq", "hlg") if c == "contact" else ()),
-    **{option: (lambda c, o=option, v=value, beside=beside: refuses(f"{o} {v}", words="HDR displays") if c == "contact" else changes(
+    **{option: (lambda c, o=option, v=value, beside=beside: refuses(f"{o} {v}", words="HDR displays") if c == "contact" and o != "--source-peak" else changes(
         f"{o} {v}", beside)) for option, value, beside in (
-            ("--peak", "600", "--transfer pq"), ("--source-peak", "400", "--transfer pq --peak 100"),
+            ("--peak", "600", "--transfer pq"), ("--source-peak", "400", "--curve shoulder"),
             ("--display-primaries", "p3-d65", "--transfer pq"), ("--limit", "rec2020", "--transfer pq --curve aces-2"))},
     "--gain-map": lambda c: refuses("--gain-map 1000", words="--gain-map") if c == "contact" else changes(
         "--gain-map 1000", line=LINES[c].replace(".png", ".jpg")),
@@ -180,6 +192,7 @@ STREAMED = {  # of stream alone
     "--exposures": lambda c: changes("--exposures shot.json", "--speed-up 1000 --speed-down 1000", plural("film")[c]),
     "--encoding": lambda c: encodings,
     "--pipe": lambda c: pipes,
+    "--pipe-matrix": lambda c: pipe_matrices,
     "--codec": lambda c: both(films, refuses("--codec divx", "stream film OUT/o.mp4 -q {}", "divx"),
                               refuses("--codec h264", LINES["stream"], "--codec h264 is for films")),
     "--verbose": lambda c: shows("stream film OUT/o.mp4 -v --server PLAIN" if FFMPEG else "stream film OUT/%04d.png -v --server PLAIN",
@@ -228,6 +241,8 @@ def table(command: str) -> dict:
     """The checks of a command by option."""
     rows = {}
     for group, commands in ((INPUT, ("render", "contact", "stream", "meter", "view", "environment")),
+                            (FINISHED, ("render", "contact", "stream", "meter", "view")),
+                            (CHOSEN, ("render", "contact", "stream", "meter", "info")),
                             (METERED, ("render", "contact", "stream", "meter", "view")), (OVER, ("render", "contact", "stream", "meter")),
                             (BEHIND, ("render", "contact", "stream")), (SQUEEZED, ("render", "stream")), (DRAWN, ("render", "contact", "stream", "view")),
                             (CODED, ("render", "stream", "view")),

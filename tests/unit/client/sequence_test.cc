@@ -101,7 +101,7 @@ TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
   for (const auto& [text, rate] : std::vector<std::pair<std::string, FrameRate>>{{"24", {24, 1}},
                                                                                  {"24000/1001", kFilm},
                                                                                  {"48/2", {24, 1}},
-                                                                                 {"23.976", {2997, 125}},
+                                                                                 {"2997/125", {2997, 125}},
                                                                                  {"0.001", {1, 1000}},
                                                                                  {"100000", {100000, 1}}}) {
     ASSERT_OK_AND_ASSIGN(const auto parsed, parse_frame_rate("--fps", text));
@@ -112,6 +112,20 @@ TEST(FrameNumbers, ARateIsExactlyWhatWasWritten) {
                            "100001", "1/1001", "0.0009", "99999999999999/99999999999999"}) {
     EXPECT_TRUE(is_usage_error(parse_frame_rate("--fps", text).status())) << text;
   }
+}
+
+// As OpenEXR files' numbers are.
+TEST(FrameNumbers, ADecimalNumberNearAFilmRateIsThatRate) {
+  for (const auto& [text, frames] : std::vector<std::pair<std::string, uint64_t>>{{"23.976", 24000},
+                                                                                  {"23.98", 24000},
+                                                                                  {"23.97602398", 24000},
+                                                                                  {"29.97", 30000},
+                                                                                  {"47.952", 48000},
+                                                                                  {"59.94", 60000},
+                                                                                  {"119.88", 120000}}) {
+    EXPECT_EQ(*parse_frame_rate("--fps", text), (FrameRate{frames, 1001})) << text;
+  }
+  EXPECT_EQ(*parse_frame_rate("--fps", "23.95"), (FrameRate{479, 20})) << "near none";
 }
 
 // A whole number of nanoseconds is right if it is within half of one of the exact time.
@@ -284,7 +298,7 @@ TEST_F(SequenceTest, NumbersComeFromTheNamesByEveryInput) {
 }
 
 TEST_F(SequenceTest, TheNumberIsTheLastOneWithTheSameTextAroundItInAllNames) {
-  make({"a/s01_0003_v2.exr", "a/s01_0004_v2.hdr", "b/x2_7.exr", "c/9.exr", "c/10.exr", "d/take5_01.exr"});
+  make({"a/s01_0003_v2.exr", "a/s01_0004_v2.EXR", "b/x2_7.exr", "c/9.exr", "c/10.exr", "d/take5_01.exr"});
   EXPECT_EQ(numbers(find({"a"})), (Numbers{3, 4}));
   EXPECT_EQ(numbers(find({"b"})), (Numbers{7}));
   EXPECT_EQ(numbers(find({"c"})), (Numbers{9, 10}));
@@ -469,8 +483,9 @@ TEST_F(SequenceTest, HiddenFilesAndNamesThatDoNotFitAreLeftOutAndCounted) {
   EXPECT_EQ(sequence.zero, -1);
   const std::string in = folder_.path("in/"), one = folder_.path("one/");
   EXPECT_EQ(sequence.notes, std::vector<std::string>{"left out: 3 hidden files (" + in +
-                                                     "._f.-1.exr ...), and 1 file whose name does not fit " +
-                                                     in + "f.%d.exr (" + in + "f-1.exr)"});
+                                                     "._f.-1.exr ...), and 1 file of another kind (" + in +
+                                                     "notes.txt), and 1 file whose name does not fit " + in +
+                                                     "f.%d.exr (" + in + "f-1.exr)"});
   ASSERT_OK_AND_ASSIGN(const auto other, find({"one"}));
   EXPECT_EQ(numbers(other), (Numbers{1, 2}));
   EXPECT_EQ(other.notes, std::vector<std::string>{"left out: 1 hidden file (" + one +
@@ -484,7 +499,39 @@ TEST_F(SequenceTest, HiddenFilesAndNamesThatDoNotFitAreLeftOutAndCounted) {
 
 TEST_F(SequenceTest, OnlyHiddenFilesAreNoSequence) {
   make({"in/._f.1.exr", "in/._f.2.exr"});
-  EXPECT_REFUSED(kNotFound, "no .exr, .hdr or .pfm file but 2 hidden files", find({"in"}));
+  EXPECT_REFUSED(kNotFound, ".jpeg or .jfif file but 2 hidden files", find({"in"}));
+}
+
+TEST_F(SequenceTest, AFolderIsAllImagesOfTheFormatsThatAreRead) {
+  make({"in/f.1.exr", "in/f.2.HDR", "in/f.3.pfm", "in/f.4.phm", "in/f.5.png", "in/f.6.avif", "in/f.7.jpg",
+        "in/f.8.JPEG", "in/f.9.jfif", "in/f.10.txt", "in/f.11", "in/f.12.mp4", "in/sub.exr/f.13.exr"});
+  ASSERT_OK_AND_ASSIGN(const FoundFiles found, find_frames({folder_.path("in")}));
+  ASSERT_EQ(found.paths.size(), 9u);
+  for (size_t i = 0; i < 9; ++i) EXPECT_TRUE(says(found.paths[i], absl::StrCat("f.", i + 1, ".")));
+  EXPECT_EQ(words_of(found.left_out), "3 files of other kinds (" + folder_.path("in/f.10.txt") + " ...)");
+}
+
+TEST_F(SequenceTest, ASequenceIsOfOneFormatWhichOnlyChooses) {
+  make({"in/f.1.exr", "in/f.2.exr", "in/f.1.png", "in/f.2.png", "jpeg/f.1.jpg", "jpeg/f.2.jpeg",
+        "stray/f.1.exr", "stray/f.2.exr", "stray/thumbnail.jpg"});
+  const std::string in = folder_.path("in/");
+  for (const std::vector<std::string>& inputs :
+       std::vector<std::vector<std::string>>{{"in"}, {"in/*"}, {"in/f.1.exr", "in/f.2.png"}}) {
+    EXPECT_REFUSED(kInvalidArgument, "but a sequence is of one format; --only exr or --only png chooses",
+                   find(inputs));
+  }
+  EXPECT_REFUSED(kInvalidArgument, in + "f.1.exr is OpenEXR and " + in + "f.1.png is PNG", find({"in"}));
+  EXPECT_REFUSED(kInvalidArgument, "thumbnail.jpg is JPEG", find({"stray"}));
+  EXPECT_EQ(numbers(find({"jpeg"})), (Numbers{1, 2})) << "two extensions of one format";
+  for (const std::vector<std::string>& inputs :
+       std::vector<std::vector<std::string>>{{"in"}, {"in/*"}, {"in/f.1.exr", "in/f.2.png", "in/f.2.exr"}}) {
+    ASSERT_OK_AND_ASSIGN(const auto sequence, find(inputs, {.only = {".exr"}}));
+    EXPECT_EQ(sequence.files.at(1), in + "f.1.exr");
+    EXPECT_EQ(sequence.files.at(2), in + "f.2.exr");
+    ASSERT_EQ(sequence.notes.size(), 1u);
+    EXPECT_TRUE(says(sequence.notes[0], "of another kind") || says(sequence.notes[0], "of other kinds"));
+  }
+  EXPECT_REFUSED(kNotFound, "no .hdr file but 4 files of other kinds", find({"in"}, {.only = {".hdr"}}));
 }
 
 TEST_F(SequenceTest, NamesThatFitNoSequenceByHalfAreStills) {

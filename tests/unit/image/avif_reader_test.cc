@@ -1,7 +1,6 @@
 // AVIF files as input.
 #include <avif/avif.h>
 #include <gtest/gtest.h>
-#include <lcms2.h>
 
 #include <array>
 #include <cmath>
@@ -9,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "client/image/read/icc_name.h"
 #include "client/image/read/signal.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
@@ -53,22 +51,6 @@ std::string avif_of(uint32_t width, uint32_t height,
 }
 std::array<int, 3> some_code(uint32_t x, uint32_t y) {
   return {static_cast<int>(100 + 40 * x), static_cast<int>(594 + y), static_cast<int>(900 - 7 * x * y)};
-}
-
-// A profile of sRGB that calls itself this.
-std::string profile_of(const char* name, double version) {
-  cmsHPROFILE profile = cmsCreate_sRGBProfile();
-  cmsSetProfileVersion(profile, version);
-  cmsMLU* const text = cmsMLUalloc(nullptr, 1);
-  cmsMLUsetASCII(text, "en", "US", name);
-  EXPECT_TRUE(cmsWriteTag(profile, cmsSigProfileDescriptionTag, text));
-  cmsMLUfree(text);
-  cmsUInt32Number size = 0;
-  cmsSaveProfileToMem(profile, nullptr, &size);
-  std::string bytes(size, '\0');
-  EXPECT_TRUE(cmsSaveProfileToMem(profile, bytes.data(), &size));
-  cmsCloseProfile(profile);
-  return bytes;
 }
 
 TEST(AvifReader, EveryPixelIsItsLight) {
@@ -165,7 +147,7 @@ TEST(AvifReader, KeepsTheAspectOfItsPixels) {
   }
 }
 
-TEST(AvifReader, GammaAndKnownProfilesAreRead) {
+TEST(AvifReader, GammaIsRead) {
   const std::string gamma = avif_of(2, 1, some_code, [](avifImage& image) {
     image.colorPrimaries = AVIF_COLOR_PRIMARIES_BT709;
     image.transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_BT470M;
@@ -173,26 +155,54 @@ TEST(AvifReader, GammaAndKnownProfilesAreRead) {
   ASSERT_OK_AND_ASSIGN(const Image image, read_signal(gamma));
   EXPECT_EQ(image.signal, "10 bits, gamma 2.2, from nclx");
   EXPECT_NEAR(light_at(image, 0, 0), std::pow(100 / 1023.0, 2.2), 1e-6);
-  const auto with_profile = [](const std::string& profile, int code_point) {
-    return avif_of(2, 1, some_code, [&](avifImage& made) {
-      made.colorPrimaries = static_cast<avifColorPrimaries>(code_point);
-      made.transferCharacteristics = static_cast<avifTransferCharacteristics>(code_point);
-      avifImageSetProfileICC(&made, reinterpret_cast<const uint8_t*>(profile.data()), profile.size());
-    });
+}
+
+// The user's matrix and range count before the file's.
+TEST(AvifReader, MatrixAndRangeAreTheUsers) {
+  const auto light = [](const std::string& file, const PictureChoice& choice, size_t c) {
+    const absl::StatusOr<Image> image = read_signal(file, choice);
+    EXPECT_OK(image.status());
+    return image.ok() ? light_at(*image, 0, c) : -1;
   };
-  for (const double version : {2.1, 4.3}) {
-    ASSERT_OK_AND_ASSIGN(const Image p3, read_signal(with_profile(profile_of("Display P3", version), 2)));
-    EXPECT_EQ(p3.signal, "10 bits, sRGB, from ICC") << version;
-    EXPECT_EQ((*p3.chromaticities)[0], 0.68f);
-    EXPECT_TRUE(p3.notes.empty());
+  // Y 500, Cb 600, Cr 400.
+  const auto with_matrix = [](int code) {
+    return avif_of(
+        2, 1,
+        [](uint32_t, uint32_t) {
+          return std::array{400, 500, 600};
+        },
+        [code](avifImage& image) {
+          image.colorPrimaries = AVIF_COLOR_PRIMARIES_BT709;
+          image.transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_LINEAR;
+          image.matrixCoefficients = static_cast<avifMatrixCoefficients>(code);
+        });
+  };
+  const double y = 500 / 1023.0, cb = (600 - 512) / 1023.0;
+  EXPECT_NEAR(light(with_matrix(6), {}, 2), y + 1.772 * cb, 1e-4);
+  EXPECT_NEAR(light(with_matrix(6), {.matrix = 1}, 2), y + 1.8556 * cb, 1e-4);
+  EXPECT_NEAR(light(with_matrix(1), {.full_range = false}, 2),
+              (500 - 64) / 876.0 + 1.8556 * (600 - 512) / 896.0, 1e-3);
+  for (const int code : {3, 14, 15}) {  // ICtCp, and numbers without a meaning
+    EXPECT_TRUE(says(read_signal(with_matrix(code)).status().message(),
+                     absl::StrCat("file: its luma and chroma have matrix ", code,
+                                  " of H.273 in YUV444 planes, which cannot be read; name another one with "
+                                  "--input-matrix")));
+    EXPECT_NEAR(light(with_matrix(code), {.matrix = 9}, 2), y + 1.8814 * cb, 1e-4);
   }
-  ASSERT_OK_AND_ASSIGN(const Image other, read_signal(with_profile(profile_of("Canon MP500", 4.3), 2)));
-  EXPECT_EQ(other.signal, "10 bits, sRGB, assumed");
-  EXPECT_EQ(other.notes.front(), "the ICC profile \"Canon MP500\" is none that Candela knows: taken as sRGB");
-  ASSERT_OK_AND_ASSIGN(const Image both, read_signal(with_profile(profile_of("Display P3", 4.3), 1)));
-  EXPECT_EQ(both.signal, "10 bits, sRGB, from nclx");
-  EXPECT_FALSE(both.chromaticities);
-  EXPECT_EQ(both.notes.front(), "the file's ICC profile is not used: its code points count");
+}
+
+// ISO/IEC 14496-12's boxes, which this libavif does not write.
+TEST(AvifReader, SaysHowBrightAPqPictureIs) {
+  const std::string file = avif_of(2, 1, some_code, [](avifImage&) {});
+  const std::string light = big_endian(12) + "clli" + std::string("\x02\x58\0\x0a", 4);
+  const std::string display =
+      big_endian(32) + "mdcv" + std::string(16, '\1') + big_endian(40000000) + big_endian(0);
+  const auto with = [&file](const std::string& boxes) {
+    return file + big_endian(static_cast<uint32_t>(8 + boxes.size())) + "free" + boxes;
+  };
+  EXPECT_NEAR(read_signal(file)->peak, 1000 / 203.0, 1e-9);
+  EXPECT_NEAR(read_signal(with(light + display))->peak, 600 / 203.0, 1e-9);
+  EXPECT_NEAR(read_signal(with(display))->peak, 4000 / 203.0, 1e-9);
 }
 
 TEST(AvifReader, AGainMapIsNoted) {
@@ -209,21 +219,6 @@ TEST(AvifReader, AGainMapIsNoted) {
   EXPECT_EQ(base.notes.size(), 1u) << base.notes.front();
 }
 
-TEST(IccName, DamagedProfilesHaveNone) {
-  for (const double version : {2.1, 4.3}) {
-    const std::string good = profile_of("Display P3", version);
-    EXPECT_EQ(icc_name(good), "Display P3");
-    for (size_t size = 0; size < good.size(); size += 7) {
-      EXPECT_LE(icc_name(good.substr(0, size)).size(), 10u);
-    }
-    std::string bad = good;
-    for (size_t i = 0; i < 200; ++i) {
-      bad[128 + i] = '\xff';
-      EXPECT_LE(icc_name(bad).size(), 256u);
-    }
-  }
-}
-
 TEST(AvifReader, WhatCannotBeReadIsNamed) {
   const std::string good = avif_of(17, 9, some_code, [](avifImage&) {});
   for (size_t size = 12; size < good.size(); size += good.size() / 20) {
@@ -231,11 +226,11 @@ TEST(AvifReader, WhatCannotBeReadIsNamed) {
     EXPECT_TRUE(says(status.message(), "file: damaged AVIF file: ")) << size << " " << status;
   }
   const std::string strange = avif_of(17, 9, some_code, [](avifImage& image) {
-    image.transferCharacteristics = AVIF_TRANSFER_CHARACTERISTICS_LOG100;
+    image.transferCharacteristics = static_cast<avifTransferCharacteristics>(19);
   });
   EXPECT_TRUE(says(read_signal(strange).status().message(),
-                   "file: its nclx is transfer 9 of H.273; Candela reads 1, 4,"));
-  EXPECT_OK(read_signal(strange, {.own_values = true, .transfer = SignalTransfer::kPq}));
+                   "file: its nclx has transfer 19, which H.273 gives no meaning; name the transfer with"));
+  EXPECT_OK(read_signal(strange, {.transfer = SignalTransfer::kPq}));
   EXPECT_TRUE(says(read_image_bytes("file", good, {.max_pixels = 100}).status().message(),
                    "--max-pixels allows 100"));
 }

@@ -62,11 +62,12 @@ TEST(FilmFormat, OnlyAnHevcInPqNamesItsDisplay) {
 }
 
 TEST(FilmFormat, AFilmKeepsTheMatrixOfItsPictures) {
-  for (const bool rec2020 : {false, true}) {
-    const PipeFormat h264 = piped_for(film_of("a.mp4", "h264"), {PipeKind::kY4m420, 10, rec2020});
-    EXPECT_TRUE(h264.kind == PipeKind::kY4m420 && h264.bits == 10 && h264.rec2020 == rec2020);
-    const PipeFormat prores = piped_for(film_of("a.mov", "prores", 0), {PipeKind::kY4m420, 8, rec2020});
-    EXPECT_TRUE(prores.kind == PipeKind::kY4m444 && prores.bits == 10 && prores.rec2020 == rec2020);
+  // One of SDR is BT.709's at any size.
+  for (const auto& [matrix, code] : {std::pair(std::optional<LumaMatrix>(), 1), {kRec2020Luma, 9}}) {
+    const PipeFormat h264 = piped_for(film_of("a.mp4", "h264"), {PipeKind::kY4m420, 10, matrix});
+    EXPECT_TRUE(h264.kind == PipeKind::kY4m420 && h264.bits == 10 && h264.matrix->code == code);
+    const PipeFormat prores = piped_for(film_of("a.mov", "prores", 0), {PipeKind::kY4m420, 8, matrix});
+    EXPECT_TRUE(prores.kind == PipeKind::kY4m444 && prores.bits == 10 && prores.matrix->code == code);
   }
 }
 

@@ -73,7 +73,7 @@ inline std::array<double, 3> nits(const Signal& signal, std::array<double, 3> v,
 
 inline Signal of_code_points(int primaries, int transfer) {
   Signal signal;
-  EXPECT_OK(set_code_points("file", primaries, transfer, signal));
+  EXPECT_OK(set_code_points("file", "nclx", primaries, transfer, {}, signal));
   return signal;
 }
 

@@ -363,7 +363,8 @@ TEST(Y4mFrames, WhatCandelaWritesComesBack) {
       for (const bool rec2020 : {false, true}) {
         for (const auto& [width, height] : {std::pair(64, 48), {31, 17}, {1, 1}, {2, 1}, {1, 2}, {3, 3}}) {
           const Image picture = slow_colours(static_cast<uint32_t>(width), static_cast<uint32_t>(height));
-          const PipeFormat format{kind, bits, rec2020};
+          PipeFormat format{kind, bits};
+          if (rec2020) format.matrix = kRec2020Luma;
           std::vector<std::byte> frame;
           make_piped_frame(format, picture, frame);
           std::string all = film_header(format, picture.width, picture.height, 1.5, {24000, 1001});
@@ -418,9 +419,41 @@ TEST(Y4mFrames, CodesAreTheStandards) {
                {"", 8, {126, 128, 128}, {.5023, .5023, .5023}}};
   for (const auto& one : cases) {
     ASSERT_OK_AND_ASSIGN(const Image image, frame_of(absl::StrCat("W1 H1 F25:1 Ip A1:1 ", one.words),
-                                                     bytes_of(one.codes, one.bits)));
+                                                     bytes_of(one.codes, one.bits),
+                                                     {.transfer = SignalTransfer::kLinear, .matrix = 1}));
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(component(image, 0, 0, c), one.rgb[c], 4e-3) << one.words << c;
   }
+}
+
+// Cr of 32 more than grey: R - Y is 1.402, 1.5748 or 1.4746 of it.
+TEST(Y4mFrames, TheMatrixIsThatOfTheSizeOrTheUsers) {
+  const auto red = [](uint32_t height, const PictureChoice& choice, bool noted) {
+    const std::string planes =
+        std::string(height, '\x7e') + std::string(height, '\x80') + std::string(height, '\xa0');
+    const absl::StatusOr<Image> image = frame_of(absl::StrCat("W1 H", height, " C444"), planes, choice);
+    EXPECT_OK(image.status());
+    const bool says_so = std::ranges::any_of(image->notes, [](const std::string& note) {
+      return says(note, "y4m does not name its matrix: taken as BT.601, as of fewer than 720 lines");
+    });
+    EXPECT_EQ(says_so, noted) << height;
+    return (component(*image, 0, 0, 0) - 110 / 219.0) * 224 / 32;
+  };
+  EXPECT_NEAR(red(719, kSignals, true), 1.402, 1e-3);
+  EXPECT_NEAR(red(720, kSignals, false), 1.5748, 1e-3);
+  constexpr std::array<float, 8> kRec2020{0.708f, 0.292f, 0.170f, 0.797f, 0.131f, 0.046f, 0.3127f, 0.3290f};
+  EXPECT_NEAR(red(1, {.transfer = SignalTransfer::kLinear, .primaries = kRec2020}, false), 1.4746, 1e-3);
+  for (const auto& [code, scale] : {std::pair(1, 1.5748), {4, 1.4}, {6, 1.402}, {7, 1.576}, {9, 1.4746}}) {
+    EXPECT_NEAR(red(1, {.transfer = SignalTransfer::kLinear, .matrix = code}, false), scale, 1e-3);
+  }
+  EXPECT_REFUSED(kInvalidArgument, "y4m: --input-matrix names matrix 8 of H.273, which a y4m does not have",
+                 frame_of("W1 H1 C444", "abc", {.matrix = 8}));
+  const std::string white = bytes_of({255, 128, 128}, 8);
+  ASSERT_OK_AND_ASSIGN(const Image full, frame_of("W1 H1 C444", white, {.full_range = true}));
+  EXPECT_EQ(component(full, 0, 0, 0), 1);
+  const std::string limited = bytes_of({16, 128, 128}, 8);
+  ASSERT_OK_AND_ASSIGN(const Image black,
+                       frame_of("W1 H1 C444 XCOLORRANGE=FULL", limited, {.full_range = false}));
+  EXPECT_EQ(component(black, 0, 0, 0), 0);
 }
 
 // A ramp of chroma is a ramp, from where its samples are: beside the even pixels, or between two of a pair.
@@ -436,7 +469,7 @@ TEST(Y4mFrames, ChromaIsWhereItsWordSays) {
     codes.resize(48 + 24);
     const absl::StatusOr<Image> image = frame_of(absl::StrCat("W12 H4 ", word), bytes_of(codes, 8));
     EXPECT_OK(image);
-    return (component(*image, x, y, 0) - 110 / 219.0) * 224 / (2 * (1 - .2126)) + 128;
+    return (component(*image, x, y, 0) - 110 / 219.0) * 224 / (2 * (1 - .299)) + 128;
   };
   // Sample 1 of the first row is 108.
   EXPECT_NEAR(red("C420mpeg2", 2, 0), 108, 0.01);
@@ -515,11 +548,13 @@ Signals random_signals(uint32_t width, uint32_t height) {
   return made;
 }
 
-// The planes of BT.709 or BT.2020 in float64, from the unrounded signals: luma, Cb, Cr.
+// The planes of BT.601, BT.709 or BT.2020 in float64, from the unrounded signals: luma, Cb, Cr.
 std::vector<double> twin(const Signals& from, const PipeFormat& format) {
   const int width = static_cast<int>(from.picture.width), height = static_cast<int>(from.picture.height);
   const double scale = std::exp2(format.bits - 8);
-  const double kr = format.rec2020 ? .2627 : .2126, kb = format.rec2020 ? .0593 : .0722;
+  const int matrix = format.matrix ? format.matrix->code : height < 720 ? 6 : 1;
+  const double kr = matrix == 9 ? .2627 : matrix == 1 ? .2126 : .299;
+  const double kb = matrix == 9 ? .0593 : matrix == 1 ? .0722 : .114;
   const auto signal = [&](int x, int y, int c) {
     const int i = std::min(y, height - 1) * width + std::clamp(x, 0, width - 1);
     return from.rgb[static_cast<size_t>(3 * i + c)];
@@ -572,25 +607,28 @@ std::vector<int> codes_of(const std::vector<std::byte>& frame, int bits) {
 
 TEST(PipedFrames, AVideoIsWithinHalfACodeOfFloat64) {
   for (const PipeKind kind : {PipeKind::kY4m420, PipeKind::kY4m444}) {
-    for (const auto& [bits, rec2020] : {std::pair(8, false), {10, false}, {10, true}}) {
+    for (const PipeFormat& format :
+         {PipeFormat{kind, 8}, {kind, 10}, {kind, 10, kRec2020Luma}, {kind, 8, kRec709Luma}}) {
+      const int bits = format.bits;
       double most = 0;
-      for (const auto& [width, height] : {std::pair(257, 129), {1, 1}, {1, 2}, {2, 1}, {3, 3}, {64, 2}}) {
+      for (const auto& [width, height] :
+           {std::pair(257, 129), {1, 1}, {1, 2}, {2, 1}, {3, 3}, {64, 2}, {2, 720}}) {
         const Signals signals = random_signals(static_cast<uint32_t>(width), static_cast<uint32_t>(height));
         std::vector<std::byte> frame;
-        make_piped_frame({kind, bits, rec2020}, signals.picture, frame);
+        make_piped_frame(format, signals.picture, frame);
         ASSERT_EQ(text_of(frame).substr(0, 6), "FRAME\n");
         const std::vector<int> codes = codes_of(frame, bits);
-        const std::vector<double> exact = twin(signals, {kind, bits, rec2020});
+        const std::vector<double> exact = twin(signals, format);
         ASSERT_EQ(codes.size(), exact.size()) << width << "x" << height;
         for (size_t i = 0; i < codes.size(); ++i) most = std::max(most, std::fabs(codes[i] - exact[i]));
       }
       // Half a code is the rounding; the codes of 16 bits are the rest.
       EXPECT_LE(most, bits == 8 ? 0.503 : 0.508) << bits;
       RecordProperty((kind == PipeKind::kY4m420 ? "most_420_" : "most_444_") + std::to_string(bits) +
-                         (rec2020 ? "_rec2020" : ""),
+                         (format.matrix ? absl::StrCat("_", format.matrix->name) : ""),
                      std::to_string(most));
       printf("%s, %d bits%s: at most %.4f codes\n", kind == PipeKind::kY4m420 ? "4:2:0" : "4:4:4", bits,
-             rec2020 ? ", BT.2020" : "", most);
+             format.matrix ? absl::StrCat(", ", format.matrix->name).c_str() : "", most);
     }
   }
 }
@@ -637,7 +675,7 @@ TEST(PipedFrames, TheCodesOfRec2020AreTheStandards) {
     Image picture = *make_image(1, 1, ImageFormat::kRgba16);
     std::memcpy(picture.pixels.data(), rgb, sizeof rgb);
     std::vector<std::byte> frame;
-    make_piped_frame({PipeKind::kY4m444, 10, true}, picture, frame);
+    make_piped_frame({PipeKind::kY4m444, 10, kRec2020Luma}, picture, frame);
     EXPECT_EQ(codes_of(frame, 10), std::vector<int>(std::begin(codes), std::end(codes)));
   }
 }
@@ -647,15 +685,15 @@ TEST(PipedFrames, PqAndHlgHaveTenBitsAndTheMatrixOfTheirPrimaries) {
     for (const int bits : {0, 10}) {
       const PipeFormat wide = pipe_format(PipeKind::kY4m420, bits, transfer, {});
       EXPECT_EQ(wide.bits, 10);
-      EXPECT_TRUE(wide.rec2020);
+      EXPECT_EQ(wide.matrix->code, kRec2020Luma.code);
       const PipeFormat p3 = pipe_format(PipeKind::kY4m444, bits, transfer, {.p3 = true});
       EXPECT_EQ(p3.bits, 10);
-      EXPECT_FALSE(p3.rec2020);
+      EXPECT_EQ(p3.matrix->code, kRec709Luma.code);
     }
   }
   const PipeFormat sdr = pipe_format(PipeKind::kY4m420, 0, EncodedTransfer::kSrgb, {});
   EXPECT_EQ(sdr.bits, 8);
-  EXPECT_FALSE(sdr.rec2020);
+  EXPECT_FALSE(sdr.matrix);
   EXPECT_EQ(pipe_format(PipeKind::kY4m420, 10, EncodedTransfer::kSrgb, {}).bits, 10);
 }
 

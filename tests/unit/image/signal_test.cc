@@ -57,28 +57,61 @@ TEST(Signal, HlgHasItsPublishedValues) {
   near(nits(hlg, {0, 0, 1}), {0, 0, 1000 * std::pow(0.05930172, 0.2)});
 }
 
-TEST(Signal, OtherCodePointsAreRefusedByName) {
-  Signal signal{.source = "cICP"};
-  EXPECT_REFUSED(kInvalidArgument,
-                 "a.png: its cICP is transfer 11 of H.273; Candela reads 1, "
-                 "4, 8, 13, 16 and 18; name another with --input-transfer",
-                 set_code_points("a.png", 1, 11, signal));
-  EXPECT_REFUSED(kInvalidArgument, "a.png: its cICP is primaries 5 of H.273; Candela reads 1, 9 and 12",
-                 set_code_points("a.png", 5, 13, signal));
+// ITU-T H.273, tables 2 and 3, by hand.
+TEST(Signal, EveryCodePointThatMeansSomethingIsRead) {
+  const double half_of_srgb = 0.21404114;
+  for (const auto& [code, light] : {std::pair(1, half_of_srgb),
+                                    {4, std::pow(0.5, 2.2)},
+                                    {5, std::pow(0.5, 2.8)},
+                                    {6, half_of_srgb},
+                                    {7, std::pow(0.6115 / 1.1115, 1 / 0.45)},
+                                    {8, 0.5},
+                                    {9, 0.1},
+                                    {10, std::pow(10, -1.25)},
+                                    {11, half_of_srgb},
+                                    {12, half_of_srgb},
+                                    {13, half_of_srgb},
+                                    {14, half_of_srgb},
+                                    {15, half_of_srgb},
+                                    {17, 52.37 / 48 * std::pow(0.5, 2.6)}}) {
+    EXPECT_NEAR(light_of(of_code_points(1, code), 0.5), light, 1e-7) << code;
+  }
+  EXPECT_NEAR(light_of(of_code_points(1, 7), 0.04), 0.01, 1e-9);
+  EXPECT_EQ(light_of(of_code_points(1, 9), 0), 0);
+  for (const auto& [code, red, white] : {std::tuple(1, 0.64f, 0.3127f),
+                                         {4, 0.67f, 0.310f},
+                                         {5, 0.64f, 0.3127f},
+                                         {6, 0.63f, 0.3127f},
+                                         {7, 0.63f, 0.3127f},
+                                         {8, 0.681f, 0.310f},
+                                         {9, 0.708f, 0.3127f},
+                                         {10, 1.0f, 1 / 3.0f},
+                                         {11, 0.68f, 0.314f},
+                                         {12, 0.68f, 0.3127f},
+                                         {22, 0.63f, 0.3127f}}) {
+    EXPECT_EQ(of_code_points(code, 13).xy[0], red) << code;
+    EXPECT_EQ(of_code_points(code, 13).xy[6], white) << code;
+  }
 }
 
-TEST(Signal, IsThatOfAKnownProfile) {
-  for (const auto& [profile, transfer, red] : {std::tuple("sRGB IEC61966-2.1", SignalTransfer::kSrgb, 0.64f),
-                                               {"Display P3", SignalTransfer::kSrgb, 0.68f},
-                                               {"ITU-R BT.2100 PQ", SignalTransfer::kPq, 0.708f},
-                                               {"Rec2100 HLG", SignalTransfer::kHlg, 0.708f}}) {
-    Signal signal;
-    EXPECT_TRUE(set_by_profile_name(profile, signal)) << profile;
-    EXPECT_EQ(signal.transfer, transfer) << profile;
-    EXPECT_EQ(signal.xy[0], red) << profile;
-  }
-  Signal signal;
-  EXPECT_FALSE(set_by_profile_name("Canon MP500 series", signal));
+TEST(Signal, TheErrorNamesTheOptionThatHelpsAlone) {
+  Signal signal{.transfer = SignalTransfer::kPq};
+  EXPECT_REFUSED(kInvalidArgument,
+                 "a.png: its cICP has transfer 19, which H.273 gives no meaning; name the transfer with "
+                 "--input-transfer",
+                 set_code_points("a.png", "cICP", 9, 19, {.own_values = true}, signal));
+  EXPECT_EQ(signal.xy[0], 0);  // it stays as it is
+  EXPECT_OK(set_code_points("a.png", "cICP", 9, 19, {.transfer = SignalTransfer::kSrgb}, signal));
+  EXPECT_EQ(signal.xy[0], 0.708f);
+  EXPECT_REFUSED(kInvalidArgument,
+                 "a.png: its cICP has primaries 23, which H.273 gives no meaning; name the primaries with "
+                 "--primaries",
+                 set_code_points("a.png", "cICP", 23, 13, {.transfer = SignalTransfer::kSrgb}, signal));
+  EXPECT_OK(set_code_points("a.png", "cICP", 23, 13, {.own_values = true}, signal));
+  EXPECT_EQ(signal.transfer, SignalTransfer::kSrgb);
+  EXPECT_REFUSED(kInvalidArgument, "its cICP has transfer 3 and primaries 0, which H.273 gives no meaning",
+                 set_code_points("a.png", "cICP", 0, 3, {}, signal));
+  EXPECT_OK(set_code_points("a.png", "cICP", 0, 3, {.own_values = true, .keeps_signal = true}, signal));
 }
 
 // ---- PNG ----
@@ -236,15 +269,54 @@ TEST(PngReader, WhatCannotBeReadIsNamed) {
   std::string crc = good;
   crc[20] ^= 1;
   refused(crc, "damaged PNG file: IHDR: CRC error");
-  refused(png_of(1, 8, 0, "\x80", cicp(9, 16, 9)),
-          "its cICP has matrix 9 and range 1; Candela reads matrix 0");
-  refused(png_of(1, 8, 0, "\x80", cicp(9, 16, 0, 0)), "range 0");
-  refused(png_of(1, 8, 0, "\x80", chunk("cICP", "abc")), "its cICP has 3 bytes; it must have 4");
   refused(png_of(70000, 8, 0, std::string(70000, '\0')), "the image is 70000x1 pixels; the limit is");
   const absl::Status small = read_image_bytes("file", good, {.max_pixels = 2}).status();
   EXPECT_TRUE(says(small.message(), "--max-pixels allows 2")) << small;
   EXPECT_TRUE(
       says(read_signal(good, {.layer = "key"}).status().message(), "this is a PNG file with one picture"));
+}
+
+// PNG, third edition: what a PNG may not say is not used.
+TEST(PngReader, ACicpThatIsNoneIsNotUsed) {
+  for (const auto& [bytes, note] :
+       {std::pair(cicp(9, 16, 9), "its cICP is not used: it has matrix 9 and range 1; a PNG has matrix 0"),
+        {cicp(9, 16, 0, 2), "its cICP is not used: it has matrix 0 and range 2"},
+        {chunk("cICP", "abc"), "its cICP is not used: it has 3 bytes, and must have 4"}}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_signal(png_of(1, 8, 0, "\x80", bytes)));
+    EXPECT_TRUE(says(image.notes.front(), note)) << image.notes.front();
+    EXPECT_EQ(image.signal, "8 bits, sRGB, assumed");
+  }
+}
+
+TEST(PngReader, LimitedRangeIsStretched) {
+  const auto light = [](int bits, const std::string& row, int full, const PictureChoice& choice) {
+    return light_at(*read_signal(png_of(1, bits, 0, row, cicp(1, 8, 0, full)), choice), 0, 0);
+  };
+  EXPECT_EQ(light(8, "\x10", 0, {}), 0);
+  EXPECT_EQ(light(8, "\x05", 0, {}), 0);
+  EXPECT_EQ(light(8, "\xeb", 0, {}), 1);
+  EXPECT_EQ(light(8, "\xff", 0, {}), 1);
+  EXPECT_NEAR(light(8, "\x80", 0, {}), 112 / 219.0, 1e-5);
+  EXPECT_NEAR(light(16, std::string("\x80\0", 2), 0, {}), 112 / 219.0, 1e-5);
+  EXPECT_NEAR(light(8, "\x80", 0, {.full_range = true}), 128 / 255.0, 1e-5);
+  EXPECT_NEAR(light(8, "\x80", 1, {.full_range = false}), 112 / 219.0, 1e-5);
+  // Alpha has the full range.
+  const std::string half = png_of(1, 8, 4, "\xeb\x80", cicp(1, 8, 0, 0));
+  EXPECT_NEAR(light_at(*read_signal(half), 0, 0), 128 / 255.0, 1e-6);
+}
+
+// MaxCLL, else the display that the picture was made on, in units of .0001 nit.
+TEST(PngReader, SaysHowBrightAPqPictureIs) {
+  const std::string pq = cicp(9, 16);
+  const auto peak = [&](const std::string& chunks) {
+    return read_signal(png_of(1, 8, 0, "\x80", pq + chunks))->peak;
+  };
+  const std::string display = chunk("mDCV", std::string(16, '\1') + big_endian(40000000) + big_endian(0));
+  EXPECT_NEAR(peak(chunk("cLLI", big_endian(6000000) + big_endian(10)) + display), 600 / 203.0, 1e-9);
+  EXPECT_NEAR(peak(chunk("cLLI", big_endian(0) + big_endian(0)) + display), 4000 / 203.0, 1e-9);
+  EXPECT_NEAR(peak(""), 1000 / 203.0, 1e-9);
+  EXPECT_EQ(peak(chunk("cLLI", big_endian(1000000) + big_endian(10))), 1);
+  EXPECT_NEAR(peak(chunk("cLLI", big_endian(0xffffffff) + big_endian(10))), 10000 / 203.0, 1e-9);
 }
 
 // All seven passes make a row.

@@ -623,10 +623,12 @@ TEST(HdrDisplay, WhatDoesNotGoTogetherIsRefusedByName) {
     std::string words;
   };
   for (const Case& one : std::vector<Case>{
-           {{curve(v1::TONE_CURVE_BT2390)},
-            "curve is bt2390, which is for HDR displays, and transfer is srgb"},
            {{peak(1000)}, "peak_nits is 1000, which is for HDR displays"},
-           {{source_peak(1000)}, "source_peak_nits is 1000, which is for HDR displays"},
+           {{source_peak(1000)},
+            "source_peak_nits is 1000 and curve is aces-hill; only bt2390 and shoulder have a source's peak"},
+           {{curve(v1::TONE_CURVE_SHOULDER), source_peak(202)},
+            "source_peak_nits is 202 and the display's peak 203 nit"},
+           {{kPq, curve(v1::TONE_CURVE_SHOULDER)}, "curve is shoulder and transfer is pq"},
            {{kP3}, "display_primaries is p3-d65, which is for HDR displays"},
            {{limit(v1::PRIMARIES_P3_D65)}, "limit_primaries is p3-d65, which is for HDR displays"},
            {{kPq, curve(v1::TONE_CURVE_ACES_HILL)}, "curve is aces-hill and transfer is pq"},
@@ -638,8 +640,8 @@ TEST(HdrDisplay, WhatDoesNotGoTogetherIsRefusedByName) {
            {{kHlg, peak(399)}, "peak_nits is 399; with hlg it must be between 400 and 2000"},
            {{kHlg, peak(2001)}, "peak_nits is 2001; with hlg it must be between 400 and 2000"},
            {{kPq, kAces2, peak(1500)}, "curve is aces-2, which is published for 500, 1000, 2000 and 4000"},
-           {{kPq, kAces2, source_peak(4000)}, "only bt2390 has a source's peak"},
-           {{kPq, peak(1000), source_peak(999)}, "source_peak_nits is 999 and peak_nits is 1000"},
+           {{kPq, kAces2, source_peak(4000)}, "only bt2390 and shoulder have a source's peak"},
+           {{kPq, peak(1000), source_peak(999)}, "source_peak_nits is 999 and the display's peak 1000 nit"},
            {{kPq, limit(v1::PRIMARIES_P3_D65)}, "curve is bt2390; only aces-2 has a limit"},
            {{kPq, kAces2, kP3, limit(v1::PRIMARIES_REC2020)},
             "limit_primaries is rec2020 and display_primaries is p3-d65"},

@@ -479,6 +479,7 @@ TEST(ToneCurve, HasItsPublishedValueAtOne) {
   EXPECT_DOUBLE_EQ(at_one(shader::CURVE_REINHARD_EXTENDED), 0.53125);
   EXPECT_NEAR(at_one(shader::CURVE_HABLE), 0.492919, 1e-6);
   EXPECT_NEAR(at_one(shader::CURVE_PBR_NEUTRAL), 0.869091, 1e-6);
+  EXPECT_DOUBLE_EQ(at_one(shader::CURVE_SHOULDER), 0.755102040816326530612);  // of a source of 4: 37 / 49
   const reference::Rgb agx = reference::tone_curve(shader::CURVE_AGX, {1, 1, 1});
   EXPECT_NEAR(agx[0], 0.591281, 1e-6);
   EXPECT_NEAR(agx[1], 0.591239, 1e-6);

@@ -561,7 +561,7 @@ absl::StatusOr<Rendered> render(const ReportSession& session, const ReportImage&
   options.transfer = encoded_transfer(settings);
   options.hdr = hdr_display(settings, 0, 0);
   options.jpeg_quality = kind.quality;
-  options = write_options_for(std::move(options), result.header);
+  options = write_options_for(std::move(options), result.header, {});
   return Rendered{picture_of(std::move(result), false, 1), std::move(options)};
 }
 

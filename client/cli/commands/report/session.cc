@@ -67,7 +67,7 @@ absl::StatusOr<RenderResult> ReportSession::render(v1::Settings settings, const 
   view.previous = wishes.previous;
   view.verify = wishes.verify;
   view.error_map = wishes.error_map;
-  return server_.render(settings_for(image, std::move(settings)), view, absl::Now() + kFrameTimeout);
+  return server_.render(settings_for(image, settings, {}).settings, view, absl::Now() + kFrameTimeout);
 }
 
 bool is_device_stage(const v1::StageTime& stage) {
