@@ -449,6 +449,41 @@ TEST(JpegReader, ExifNamesAdobeRgbAlsoInAPng) {
   }
 }
 
+TEST(JpegReader, AMapIsOfTheLightThatTheProfileSays) {
+  const std::string base = jpeg_of(8, 8, flat(90), {100, EncodedTransfer::kGamma22});
+  ASSERT_OK_AND_ASSIGN(const Image image,
+                       read_jpeg_bytes(joined(base, map_of(8, 8, true, flat(255)), stops_of(1))));
+  EXPECT_NEAR(component(image, 3, 3, 1), 2 * std::pow(90 / 255.0, 2.2), 1e-5);
+  EXPECT_EQ(image.light, PictureLight::kHdr);
+}
+
+// A profile of PQ makes HDR light by itself.
+TEST(JpegReader, AnHdrPictureHasNoUseForAMap) {
+  cmsHPROFILE profile = cmsCreate_sRGBProfile();
+  EXPECT_TRUE(
+      cmsWriteRawTag(profile, static_cast<cmsTagSignature>(0x63696370), "cicp\0\0\0\0\x09\x10\0\1", 12));
+  cmsUInt32Number size = 0;
+  cmsSaveProfileToMem(profile, nullptr, &size);
+  std::string bytes(size, '\0');
+  cmsSaveProfileToMem(profile, bytes.data(), &size);
+  cmsCloseProfile(profile);
+  const std::string pq = with(jpeg_of(8, 8, flat(90), {100, EncodedTransfer::kUnknown}),
+                              jpeg_segment(0xe2, std::string("ICC_PROFILE\0\1\1", 14) + bytes));
+  ASSERT_OK_AND_ASSIGN(const Image plain, read_jpeg_bytes(pq));
+  const std::string file = joined(pq, map_of(8, 8, true, flat(255)), stops_of(3));
+  ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file));
+  EXPECT_EQ(image.light, PictureLight::kHdr);
+  EXPECT_EQ(image.peak, plain.peak);
+  EXPECT_TRUE(same_pixels(image, plain));
+  EXPECT_TRUE(has_note(image, "its gain map is not used: its profile says PQ or HLG"));
+  // As the base of a map that makes the SDR picture, it is as bright as the map says.
+  ASSERT_OK_AND_ASSIGN(const Image base,
+                       read_jpeg_bytes(renamed(renamed(file, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1"),
+                                               "\"False\"", "\"True\" ")));
+  EXPECT_TRUE(same_pixels(base, plain));
+  EXPECT_NEAR(base.peak, 8, 1e-10);
+}
+
 // Exif's picture of the eight orientations: 24 x 16 pixels, where each block of 8 x 8 has its code.
 TEST(JpegReader, PicturesAreUpright) {
   const auto block = [](uint32_t x, uint32_t y, int) {
