@@ -99,6 +99,7 @@ struct Image {
   PictureLight light = PictureLight::kScene;
   double peak = 1;               // of kHdr: the brightest light that the picture may hold
   std::string signal;            // of a PNG, AVIF, JPEG or TIFF file: "10 bits, PQ, from nclx"; "" of others
+  bool has_gain_map = false;     // the file has one with the words that it needs, used or not
   bool names_primaries = false;  // the file says what its primaries are, which may be Rec.709
   uint64_t missing_pixels = 0;   // of an unfinished or damaged file: absent, which is 0 with alpha 0
   std::shared_ptr<const KeptAttributes> kept;  // what an OpenEXR output keeps of an OpenEXR input; or null
@@ -171,8 +172,9 @@ struct PictureChoice {
   std::optional<bool> full_range{};
   // The primaries that the user names, which give an HLG signal its luminance. Absent: the file's own.
   std::optional<std::array<float, 8>> primaries{};
-  double hlg_peak = 1000.0;   // nit of the display that an HLG signal is meant for, 400 .. 2000
-  bool keeps_signal = false;  // a PNG's, AVIF's, JPEG's or TIFF's codes as numbers of 0 .. 1
+  double hlg_peak = 1000.0;       // nit of the display that an HLG signal is meant for, 400 .. 2000
+  bool keeps_signal = false;      // a PNG's, AVIF's, JPEG's or TIFF's codes as numbers of 0 .. 1
+  bool base_of_gain_map = false;  // of a file with a gain map the picture without it
 
   // Whether it names no picture.
   bool empty() const { return part.empty() && layer.empty() && view.empty(); }

@@ -59,6 +59,7 @@ absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file) {
     };
     if (byte_at(file, at) != 0xff) {
       if (before_scans) return damaged("there is no marker");
+      found.end = at;
       return found;
     }
     const uint8_t marker = byte_at(file, at + 1);
@@ -70,14 +71,15 @@ absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file) {
       in_head = false;
       found.after_head = at;
     }
-    if (marker == kEnd) {
-      found.end = at + 2;
+    if (marker == kEnd || (marker == kStart && !before_scans)) {
+      found.end = marker == kEnd ? at + 2 : at;
       return found;
     }
     const size_t length =
         at + 4 <= file.size() ? size_t{byte_at(file, at + 2)} << 8 | byte_at(file, at + 3) : 0;
     if (length < 2 || length > file.size() - at - 2) {
       if (before_scans) return damaged("a segment is not whole");
+      found.end = at;
       return found;
     }
     if (marker == kScan) {

@@ -48,7 +48,9 @@ struct JpegSegment {
 struct JpegSegments {
   std::vector<JpegSegment> before_scans;  // in the file's order
   size_t after_head = 0;                  // where the first segment that is neither APP0 nor APP1 begins
-  size_t end = 0;                         // where the picture ends; 0: its end is missing
+  // Where the picture ends: behind its end marker, or before what is none of its segments, such as the next
+  // picture. 0: it has no such end in the file.
+  size_t end = 0;
 
   // The body of the first segment before the scans that begins with `name`, without it.
   std::optional<absl::string_view> named(uint8_t marker, absl::string_view name) const;

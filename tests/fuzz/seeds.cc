@@ -103,6 +103,7 @@ void write_radiance(const std::string& folder) {
   std::string flat = start + "-Y 3 +X 4\n";
   for (int i = 0; i < 12; ++i) flat += pixel;
   write_file(folder + "/flat.hdr", flat);
+  write_file(folder + "/text_before.hdr", "Photo\n\n" + flat);
   // Each component: a run of 5, then 4 literals.
   const std::string line("\x02\x02\x00\x09", 4), component("\x85\x40\x04\x01\x02\x03\x04", 7);
   const std::string coded = line + component + component + component + component;
@@ -122,6 +123,9 @@ void write_pfm(const std::string& folder) {
   write_file(folder + "/grey.pfm", "Pf\n3 2\n2.5\n" + pixels);
 }
 
+// Exif of orientation 6, from its TIFF header on.
+const std::string kTurned("MM\0\x2a\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1\0\6\0\0\0\0\0\0", 26);
+
 void write_png(const std::string& folder) {
   Image image = *make_image(5, 3, ImageFormat::kRgba16);
   (void)write_image(folder + "/codes_16.png", image);
@@ -129,6 +133,54 @@ void write_png(const std::string& folder) {
   (void)write_image(folder + "/codes_8.png", image, {.transfer = EncodedTransfer::kGamma22});
   image = *make_image(5, 3, ImageFormat::kRgba16);
   (void)write_image(folder + "/pq.png", image, {.transfer = EncodedTransfer::kPq});
+  write_file(folder + "/turned.png", png_of(1, 8, 0, "\x80", chunk("eXIf", kTurned)));
+  std::string damaged = chunk("gAMA", big_endian(50000));
+  damaged.back() ^= 1;
+  write_file(folder + "/checksum.png", png_of(1, 8, 0, "\x80", damaged));
+}
+
+std::string jpeg_segment(char marker, const std::string& body) {
+  const size_t length = body.size() + 2;
+  return std::string{'\xff', marker, static_cast<char>(length >> 8), static_cast<char>(length)} + body;
+}
+
+// Apple's kind, with a headroom of its own, or with the maker note's numbers 33 and 48 of 1 and 0.
+void write_apple(const std::string& folder, const std::string& base, const std::string& map) {
+  const std::string note(
+      "Apple iOS\0\0\1MM\0\2"
+      "\0\x21\0\x0a\0\0\0\1\0\0\0\x2c\0\x30\0\x0a\0\0\0\1\0\0\0\x34\0\0\0\0"
+      "\0\0\0\1\0\0\0\1\0\0\0\0\0\0\0\1",
+      60);
+  const std::string exif(
+      "Exif\0\0MM\0\x2a\0\0\0\x08\0\1\x87\x69\0\4\0\0\0\1\0\0\0\x1a\0\0\0\0"
+      "\0\1\x92\x7c\0\7\0\0\0\x3c\0\0\0\x2c\0\0\0\0",
+      50);
+  for (const char* headroom : {"", "<g:HDRGainMapHeadroom>4</g:HDRGainMapHeadroom>"}) {
+    std::string file = base, with_words = map;
+    if (*headroom == '\0') file.insert(2, jpeg_segment('\xe1', exif + note));
+    with_words.insert(2, jpeg_segment('\xe1', absl::StrCat(kXmpName,
+                                                           "<x xmlns:g='http://ns.apple.com/HDRGainMap/1.0/'>"
+                                                           "<g:HDRGainMapVersion>65536</g:HDRGainMapVersion>",
+                                                           headroom, "</x>")));
+    write_file(folder + (*headroom == '\0' ? "/apple.jpg" : "/apple_headroom.jpg"), file + with_words);
+  }
+}
+
+// Words in the file's own picture, as elements, that lead to a map without any.
+void write_words_of_the_picture(const std::string& folder, std::string base, const std::string& map) {
+  base.insert(
+      2, jpeg_segment(
+             '\xe1',
+             absl::StrCat(kXmpName,
+                          "<x xmlns:r='http://www.w3.org/1999/02/22-rdf-syntax-ns#'"
+                          " xmlns:h='http://ns.adobe.com/hdr-gain-map/1.0/'"
+                          " xmlns:c='http://ns.google.com/photos/1.0/container/'"
+                          " xmlns:i='http://ns.google.com/photos/1.0/container/item/' h:Version='1.0'>"
+                          "<h:GainMapMax><r:Seq><r:li>1</r:li><r:li>2</r:li><r:li>3</r:li></r:Seq>"
+                          "</h:GainMapMax><h:HDRCapacityMax>3</h:HDRCapacityMax><c:Directory><r:Seq>"
+                          "<r:li><c:Item i:Semantic='Primary'/></r:li><r:li><c:Item>"
+                          "<i:Semantic>GainMap</i:Semantic></c:Item></r:li></r:Seq></c:Directory></x>")));
+  write_file(folder + "/words_of_picture.jpg", base + map);
 }
 
 // A profile for R, G and B, or what `space` names, that claims what its bytes do not hold.
@@ -219,19 +271,22 @@ void write_jpeg(const std::string& folder) {
                       });
     return file;
   };
-  write_profiles(folder, jpeg({.transfer = EncodedTransfer::kUnknown}));
+  const std::string unnamed = jpeg({.transfer = EncodedTransfer::kUnknown});
+  write_profiles(folder, unnamed);
   std::string base = jpeg({});
-  const std::string exif(
-      "\xff\xe1\0\x22"
-      "Exif\0\0MM\0\x2a\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1\0\6\0\0\0\0\0\0",
-      36);
-  base.insert(2, exif);
+  base.insert(2, jpeg_segment('\xe1', std::string("Exif\0\0", 6) + kTurned));
   write_file(folder + "/plain.jpg", base);
+  write_file(folder + "/no_end.jpg", base.substr(0, base.size() - 2));
   for (const bool one_channel : {true, false}) {
     const std::vector<uint8_t> gains(size_t{8} * 8 * (one_channel ? 1 : 3), 90);
     const GainMapMetadata metadata{.max_log2 = {2, 2, 2}, .headroom_hdr_log2 = 2, .one_channel = one_channel};
+    const std::string map = *encode_gain_map(gains, 8, 8, one_channel);
     write_file(folder + (one_channel ? "/gain_map.jpg" : "/gain_maps.jpg"),
-               *join_gain_map(base, *encode_gain_map(gains, 8, 8, one_channel), metadata));
+               *join_gain_map(base, map, metadata));
+    if (one_channel) {
+      write_apple(folder, unnamed, map);
+      write_words_of_the_picture(folder, unnamed, map);
+    }
   }
 }
 

@@ -1,5 +1,5 @@
-// Reads AVIF files by libavif: the first picture, of 8, 10 or 12 bits, upright. Gain maps are not used, and a
-// cropping (clap) is not applied; notes say so.
+// Reads AVIF files by libavif: the first picture, of 8, 10 or 12 bits, cropped (clap) and upright. Gain maps
+// are not used; a note says so.
 #include <avif/avif.h>
 
 #include <algorithm>
@@ -43,9 +43,9 @@ absl::Status unread_matrix(const FileReader& file, const avifImage& picture) {
 // Turns a picture upright, as the file asks: first counterclockwise by quarter turns, then mirrored.
 class Upright {
  public:
-  explicit Upright(const avifImage& image)
-      : width_(image.width),
-        height_(image.height),
+  Upright(const avifImage& image, const avifCropRect& crop)
+      : width_(crop.width),
+        height_(crop.height),
         turns_((image.transformFlags & AVIF_TRANSFORM_IROT) != 0 ? image.irot.angle & 3 : 0),
         mirror_((image.transformFlags & AVIF_TRANSFORM_IMIR) != 0 ? image.imir.mode : -1) {}
 
@@ -67,6 +67,20 @@ class Upright {
   uint32_t width_, height_;
   int turns_, mirror_;
 };
+
+// The part of the coded picture that is to be seen. All of it, with a note, if the file's part is none.
+avifCropRect crop_of(const avifImage& image, std::vector<std::string>& notes) {
+  avifCropRect crop{0, 0, image.width, image.height};
+  if ((image.transformFlags & AVIF_TRANSFORM_CLAP) == 0) return crop;
+  avifDiagnostics why;
+  avifDiagnosticsClearError(&why);
+  if (avifCropRectConvertCleanApertureBox(&crop, &image.clap, image.width, image.height, image.yuvFormat,
+                                          &why)) {
+    return crop;
+  }
+  notes.push_back(absl::StrFormat("its cropping is not applied: %s", printable(why.error, 100)));
+  return {0, 0, image.width, image.height};
+}
 
 // A profile counts before the code points, as libavif says, but for the signals of HDR displays, which a
 // profile can only come close to.
@@ -159,7 +173,8 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   if (!file.read(bytes)) return file.truncated("its end");
   const std::unique_ptr<avifDecoder, Destroy> decoder(avifDecoderCreate());
   if (!decoder) return absl::ResourceExhaustedError(file.path() + ": not enough memory to decode it");
-  decoder->strictFlags = AVIF_STRICT_ENABLED & ~AVIF_STRICT_PIXI_REQUIRED;  // as browsers do
+  // As browsers do.
+  decoder->strictFlags = AVIF_STRICT_ENABLED & ~(AVIF_STRICT_PIXI_REQUIRED | AVIF_STRICT_CLAP_VALID);
   decoder->ignoreExif = decoder->ignoreXMP = AVIF_TRUE;
   decoder->maxThreads = 2;
   avifResult result =
@@ -167,18 +182,19 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   if (result == AVIF_RESULT_OK) result = avifDecoderParse(decoder.get());
   if (result != AVIF_RESULT_OK) return damaged_avif(file, result, *decoder);
   avifImage& picture = *decoder->image;
-  const Upright upright(picture);
+  // What is cropped away takes memory, too.
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
-  RETURN_IF_ERROR(check_image_size(file.path(), "image", upright.width(), upright.height(), kFormat, limits));
+  RETURN_IF_ERROR(check_image_size(file.path(), "image", picture.width, picture.height, kFormat, limits));
   std::vector<std::string> notes;
+  const avifCropRect crop = crop_of(picture, notes);
+  const Upright upright(picture, crop);
   ASSIGN_OR_RETURN(Signal signal, signal_of_avif(file, picture, choice, notes));
   signal.max_light_nits = max_light_of({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   if (decoder->imageCount > 1) {
     notes.push_back(absl::StrFormat("the first of its %d pictures is shown", decoder->imageCount));
   }
-  if ((picture.transformFlags & AVIF_TRANSFORM_CLAP) != 0)
-    notes.push_back("its cropping (clap) is not applied");
-  if (has_gain_map({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) {
+  const bool maps = has_gain_map({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  if (maps && !choice.base_of_gain_map) {
     notes.push_back("its gain map is not used: the picture without it is shown");
   }
   ASSIGN_OR_RETURN(Image image, make_image(upright.width(), upright.height(), kFormat));
@@ -198,6 +214,7 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   if (avifImageYUVToRGB(&picture, &rgb) != AVIF_RESULT_OK) return unread_matrix(file, picture);
 
   image.has_alpha = picture.alphaPlane != nullptr;
+  image.has_gain_map = maps;
   image.notes = std::move(notes);
   if (const std::optional<double> aspect = pixel_aspect_of(picture)) set_pixel_aspect(*aspect, image);
   const SignalDecoder light(std::move(signal), choice);
@@ -205,13 +222,15 @@ absl::StatusOr<Image> read_avif(FileReader& file, const ImageLimits& limits, con
   const auto pixel = [&image](uint32_t x, uint32_t y) {
     return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()) + size_t{4} * x;
   };
-  for (uint32_t y = 0; y < picture.height; ++y) {
-    const auto* const row = reinterpret_cast<const uint16_t*>(rgb.pixels + size_t{y} * rgb.rowBytes);
+  for (uint32_t y = 0; y < crop.height; ++y) {
+    const auto* const whole_row =
+        reinterpret_cast<const uint16_t*>(rgb.pixels + size_t{crop.y + y} * rgb.rowBytes);
+    const uint16_t* const row = whole_row + size_t{4} * crop.x;
     if (!upright.is_needed()) {
-      light.decode({row, size_t{4} * picture.width}, pixel(0, y));
+      light.decode({row, size_t{4} * crop.width}, pixel(0, y));
       continue;
     }
-    for (uint32_t x = 0; x < picture.width; ++x) {
+    for (uint32_t x = 0; x < crop.width; ++x) {
       const auto [to_x, to_y] = upright.place(x, y);
       light.decode({row + size_t{4} * x, 4}, pixel(to_x, to_y));
     }

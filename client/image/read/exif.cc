@@ -1,5 +1,8 @@
 #include "client/image/read/exif.h"
 
+#include <algorithm>
+#include <cstring>
+
 #include "absl/strings/match.h"
 
 namespace candela {
@@ -54,6 +57,35 @@ bool is_adobe_rgb(absl::string_view exif) {
   const std::optional<TiffBytes::Tag> rules = bytes.tag_in(number(directory), kInteroperability);
   const std::optional<TiffBytes::Tag> index = rules ? bytes.tag_in(number(rules), kIndex) : std::nullopt;
   return index && absl::StartsWith(exif.substr(index->value_at), "R03");
+}
+
+std::optional<double> apple_number(absl::string_view exif, uint32_t id) {
+  constexpr uint32_t kExifDirectory = 0x8769, kMakerNote = 0x927c, kSignedFraction = 10;
+  constexpr absl::string_view kApple{"Apple iOS\0\0\1MM", 14};  // then the note's directory
+  const TiffBytes all(exif);
+  const std::optional<TiffBytes::Tag> directory = all.tag(kExifDirectory);
+  if (!directory) return std::nullopt;
+  const std::optional<TiffBytes::Tag> found =
+      all.tag_in(all.number_32(directory->value_at).value_or(0), kMakerNote);
+  if (!found) return std::nullopt;
+  const size_t at = std::min<size_t>(all.number_32(found->value_at).value_or(0), exif.size());
+  const absl::string_view bytes = exif.substr(at, found->count);
+  if (!absl::StartsWith(bytes, kApple)) return std::nullopt;
+  // Its places count from its own beginning.
+  const TiffBytes note(bytes, true);
+  const std::optional<TiffBytes::Tag> tag = note.tag_in(kApple.size(), id);
+  if (!tag || tag->type != kSignedFraction) return std::nullopt;
+  const size_t value_at = note.number_32(tag->value_at).value_or(0);
+  const std::optional<uint32_t> over = note.number_32(value_at), under = note.number_32(value_at + 4);
+  if (!over || !under || *under == 0) return std::nullopt;
+  return static_cast<double>(static_cast<int32_t>(*over)) / static_cast<int32_t>(*under);
+}
+
+void Turned::put_row(std::span<const float> row, uint32_t y, Image& image) const {
+  for (uint32_t x = 0; x < width_; ++x) {
+    const auto [to_x, to_y] = place(x, y);
+    std::memcpy(image.pixels.data() + to_y * image.row_bytes() + size_t{16} * to_x, &row[size_t{4} * x], 16);
+  }
 }
 
 }  // namespace candela

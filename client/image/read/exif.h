@@ -5,9 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "absl/strings/string_view.h"
+#include "client/image/image.h"
 
 namespace candela {
 
@@ -20,6 +22,8 @@ class TiffBytes {
   };
 
   explicit TiffBytes(absl::string_view bytes);
+  // Bytes in a known order, without the header.
+  TiffBytes(absl::string_view bytes, bool big_endian) : bytes_(bytes), big_endian_(big_endian) {}
 
   // Absent if the bytes end before it, or have no TIFF header.
   std::optional<uint32_t> number_16(size_t at) const { return number(at, 2); }
@@ -43,6 +47,10 @@ int orientation_of(absl::string_view exif);
 // Whether the codes are Adobe RGB's, as cameras say it: of no colour space that Exif knows, by rule R03.
 bool is_adobe_rgb(absl::string_view exif);
 
+// The fraction of this tag in the maker note of an iPhone; absent if there is none. Source: ExifTool, Apple
+// tags.
+std::optional<double> apple_number(absl::string_view exif, uint32_t id);
+
 // Turns the stored pixels as Exif's orientation (1 .. 8) says. From 5 on, width and height change places.
 class Turned {
  public:
@@ -59,6 +67,8 @@ class Turned {
     const bool from_below = orientation_ == 3 || orientation_ == 4 || orientation_ == 7 || orientation_ == 8;
     return {from_right ? width() - 1 - x : x, from_below ? height() - 1 - y : y};
   }
+  // Puts the stored row `y`, of four floats a pixel, into the upright image, which is kRgba32f.
+  void put_row(std::span<const float> row, uint32_t y, Image& image) const;
 
  private:
   int orientation_;

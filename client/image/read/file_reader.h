@@ -29,7 +29,7 @@ class FileReader {
   uint64_t position() const { return position_; }
   uint64_t remaining() const { return size_ - position_; }
 
-  // Returns the next `count` bytes, at most 64, without taking them; fewer at the end of the file. Fails if
+  // Returns the next `count` bytes, at most 256, without taking them; fewer at the end of the file. Fails if
   // they cannot be read, with a message that names the path.
   absl::StatusOr<std::string> peek(size_t count);
 

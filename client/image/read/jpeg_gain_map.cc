@@ -1,21 +1,20 @@
 #include "client/image/read/jpeg_gain_map.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numbers>
 #include <optional>
 #include <utility>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/strip.h"
 #include "client/base/number_words.h"
-#include "client/image/color.h"
 #include "client/image/power.h"
 #include "client/image/read/exif.h"
+#include "client/image/read/xmp.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -24,11 +23,16 @@ namespace {
 // Sources: see server/encode/gain_map.cc. The flags 4 and 8 of ISO 21496-1's byte are those that
 // google/libultrahdr writes: the base is the HDR picture, and all fractions share a denominator.
 
-constexpr size_t kNowhere = absl::string_view::npos;
-
-absl::Status base_is_hdr() {
-  return absl::InvalidArgumentError(
-      "its own picture is the HDR one, and the gain map makes the SDR one; Candela reads the reverse");
+// Checks the metadata, and fills the channels that it leaves out.
+absl::Status fill_channels(GainMapMetadata& metadata) {
+  RETURN_IF_ERROR(check_gain_map(metadata));
+  for (int c = 1; metadata.one_channel && c < 3; ++c) {
+    for (auto member : {&GainMapMetadata::min_log2, &GainMapMetadata::max_log2, &GainMapMetadata::gamma,
+                        &GainMapMetadata::offset_sdr, &GainMapMetadata::offset_hdr}) {
+      (metadata.*member)[c] = (metadata.*member)[0];
+    }
+  }
+  return absl::OkStatus();
 }
 
 // ---- ISO 21496-1 ----
@@ -76,13 +80,15 @@ class IsoNumbers {
 
 constexpr uint8_t kIsoBaseIsHdr = 4, kIsoShared = 8;
 
-absl::StatusOr<GainMapMetadata> metadata_of_iso(absl::string_view body) {
+// The picture that a map belongs to has the versions alone.
+absl::StatusOr<std::optional<FoundGainMap>> words_of_iso(absl::string_view body) {
+  if (body.size() <= 4) return std::nullopt;
   IsoNumbers numbers(body);
   const uint32_t least_version = numbers.next(2);
   numbers.next(2);  // the writer's version
   if (least_version != 0) {
-    return absl::UnimplementedError(absl::StrFormat(
-        "the gain map needs version %d of ISO 21496-1; Candela reads version 0", least_version));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("it needs version %d of ISO 21496-1; Candela reads version 0", least_version));
   }
   const uint32_t flags = numbers.next(1);
   if ((flags & kIsoShared) != 0) numbers.share(numbers.next(4));
@@ -98,162 +104,165 @@ absl::StatusOr<GainMapMetadata> metadata_of_iso(absl::string_view body) {
     metadata.offset_sdr[c] = numbers.signed_fraction();
     metadata.offset_hdr[c] = numbers.signed_fraction();
   }
-  if (!numbers.is_whole()) {
-    return absl::InvalidArgumentError("the ISO 21496-1 metadata of the gain map ends too early");
-  }
-  if ((flags & kIsoBaseIsHdr) != 0 || metadata.headroom_base_log2 > metadata.headroom_hdr_log2) {
-    return base_is_hdr();
-  }
-  return metadata;
+  if (!numbers.is_whole()) return absl::InvalidArgumentError("its ISO 21496-1 metadata ends too early");
+  const bool falls = metadata.headroom_base_log2 > metadata.headroom_hdr_log2;
+  if (falls) std::swap(metadata.headroom_base_log2, metadata.headroom_hdr_log2);
+  return FoundGainMap{.metadata = metadata, .base_is_hdr = falls || (flags & kIsoBaseIsHdr) != 0};
 }
 
-// ---- XMP, by a search for words ----
+// ---- Adobe's XMP ----
 
-// The value of NAME="value" in `text`.
-std::optional<absl::string_view> attribute(absl::string_view text, absl::string_view name) {
-  for (size_t at = 0; (at = text.find(name, at)) != kNowhere; at += name.size()) {
-    if (at == 0 || !absl::ascii_isspace(static_cast<unsigned char>(text[at - 1]))) continue;
-    absl::string_view rest = absl::StripLeadingAsciiWhitespace(text.substr(at + name.size()));
-    if (!absl::StartsWith(rest, "=")) continue;
-    rest = absl::StripLeadingAsciiWhitespace(rest.substr(1));
-    if (rest.empty() || (rest[0] != '"' && rest[0] != '\'')) continue;
-    const size_t end = rest.find(rest[0], 1);
-    if (end != kNowhere) return rest.substr(1, end - 1);
+using Xmp = std::vector<XmpProperty>;
+
+std::vector<std::string> values_of(const Xmp& xmp, XmpSpace space, absl::string_view name) {
+  std::vector<std::string> values;
+  for (const XmpProperty& one : xmp) {
+    if (one.space == space && one.name == name) values.push_back(one.value);
   }
-  return std::nullopt;
+  return values;
 }
 
-// The text between <NAME> and </NAME>. Removes it from `text`, so the next call finds the next element.
-std::optional<absl::string_view> take_element(absl::string_view& text, absl::string_view name) {
-  const std::string open = absl::StrCat("<", name, ">"), close = absl::StrCat("</", name, ">");
-  const size_t at = text.find(open);
-  const size_t end = at == kNowhere ? kNowhere : text.find(close, at);
-  if (end == kNowhere) return std::nullopt;
-  const absl::string_view inside = text.substr(at + open.size(), end - at - open.size());
-  text.remove_prefix(end + close.size());
-  return inside;
+bool names(const Xmp& xmp, XmpSpace space, absl::string_view name) {
+  return !values_of(xmp, space, name).empty();
 }
 
-// One number, or three in an rdf:Seq, to `values`. They stay as they are if the name is not there.
-absl::Status take_numbers(absl::string_view xmp, absl::string_view name, bool& one_channel,
-                          double (&values)[3]) {
-  std::optional<absl::string_view> text = attribute(xmp, name);
-  if (!text) text = take_element(xmp, name);
-  if (!text) return absl::OkStatus();
-  std::vector<absl::string_view> words;
-  while (const std::optional<absl::string_view> word = take_element(*text, "rdf:li")) {
-    words.push_back(*word);
-    if (words.size() > 3) break;
-  }
-  if (words.empty()) words.push_back(*text);
+// One number, or three, to `values`. They stay as they are if the name is not there.
+absl::Status take_numbers(const Xmp& xmp, absl::string_view name, bool& one_channel, double (&values)[3]) {
+  const std::vector<std::string> words = values_of(xmp, XmpSpace::kGainMap, name);
+  if (words.empty()) return absl::OkStatus();
   bool good = words.size() == 1 || words.size() == 3;
-  for (size_t i = 0; good && i < 3; ++i) {
-    good = absl::SimpleAtod(absl::StripAsciiWhitespace(words[i % words.size()]), &values[i]);
-  }
-  if (!good) return absl::InvalidArgumentError(absl::StrCat(name, " of the gain map is not 1 or 3 numbers"));
+  for (size_t i = 0; good && i < 3; ++i) good = absl::SimpleAtod(words[i % words.size()], &values[i]);
+  if (!good) return absl::InvalidArgumentError(absl::StrCat("its hdrgm:", name, " is not 1 or 3 numbers"));
   if (words.size() == 3) one_channel = false;
   return absl::OkStatus();
 }
 
-bool has_gain_map_version(absl::string_view xmp) {
-  return attribute(xmp, "hdrgm:Version").has_value() || take_element(xmp, "hdrgm:Version").has_value();
-}
-
-absl::StatusOr<GainMapMetadata> metadata_of_xmp(absl::string_view xmp) {
-  if (attribute(xmp, "hdrgm:BaseRenditionIsHDR") == "True" ||
-      take_element(xmp, "hdrgm:BaseRenditionIsHDR") == "True") {
-    return base_is_hdr();
+// The picture that a map belongs to has the version alone.
+absl::StatusOr<std::optional<FoundGainMap>> words_of_adobe(const Xmp& xmp) {
+  if (!names(xmp, XmpSpace::kGainMap, "GainMapMax") && !names(xmp, XmpSpace::kGainMap, "HDRCapacityMax")) {
+    return std::nullopt;
+  }
+  for (const char* name : {"GainMapMax", "HDRCapacityMax"}) {
+    if (names(xmp, XmpSpace::kGainMap, name)) continue;
+    return absl::InvalidArgumentError(absl::StrCat("it has no hdrgm:", name));
   }
   // The values where the file leaves a name out.
   GainMapMetadata metadata{.offset_sdr = {1 / 64.0, 1 / 64.0, 1 / 64.0},
                            .offset_hdr = {1 / 64.0, 1 / 64.0, 1 / 64.0}};
   bool one_headroom = true;
-  double base[3] = {0, 0, 0}, hdr[3] = {-1, -1, -1};
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:GainMapMin", metadata.one_channel, metadata.min_log2));
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:GainMapMax", metadata.one_channel, metadata.max_log2));
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:Gamma", metadata.one_channel, metadata.gamma));
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:OffsetSDR", metadata.one_channel, metadata.offset_sdr));
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:OffsetHDR", metadata.one_channel, metadata.offset_hdr));
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:HDRCapacityMin", one_headroom, base));
-  RETURN_IF_ERROR(take_numbers(xmp, "hdrgm:HDRCapacityMax", one_headroom, hdr));
-  if (hdr[0] == -1) return absl::InvalidArgumentError("the gain map has no hdrgm:HDRCapacityMax");
+  double base[3] = {0, 0, 0}, hdr[3] = {0, 0, 0};
+  RETURN_IF_ERROR(take_numbers(xmp, "GainMapMin", metadata.one_channel, metadata.min_log2));
+  RETURN_IF_ERROR(take_numbers(xmp, "GainMapMax", metadata.one_channel, metadata.max_log2));
+  RETURN_IF_ERROR(take_numbers(xmp, "Gamma", metadata.one_channel, metadata.gamma));
+  RETURN_IF_ERROR(take_numbers(xmp, "OffsetSDR", metadata.one_channel, metadata.offset_sdr));
+  RETURN_IF_ERROR(take_numbers(xmp, "OffsetHDR", metadata.one_channel, metadata.offset_hdr));
+  RETURN_IF_ERROR(take_numbers(xmp, "HDRCapacityMin", one_headroom, base));
+  RETURN_IF_ERROR(take_numbers(xmp, "HDRCapacityMax", one_headroom, hdr));
   metadata.headroom_base_log2 = base[0];
   metadata.headroom_hdr_log2 = hdr[0];
-  return metadata;
+  const std::vector<std::string> is_hdr = values_of(xmp, XmpSpace::kGainMap, "BaseRenditionIsHDR");
+  return FoundGainMap{.metadata = metadata,
+                      .base_is_hdr = !is_hdr.empty() && absl::EqualsIgnoreCase(is_hdr.front(), "true")};
+}
+
+// ---- Apple ----
+
+// Source: Apple, "Applying Apple HDR effect to your photos", developer.apple.com. The numbers are those of
+// the iPhone's maker note, tags 33 and 48.
+double apple_stops(double of_33, double of_48) {
+  const bool small = of_48 <= 0.01;
+  const double stops = of_33 < 1 ? (small ? -20 * of_48 + 1.8 : -0.101 * of_48 + 1.601)
+                                 : (small ? -70 * of_48 + 3 : -0.303 * of_48 + 2.303);
+  return std::max(stops, 0.0);
+}
+
+// log2 of peak over white, by the map's XMP, or by the picture's Exif. Not a number if neither says it.
+double apple_headroom_log2(const Xmp& xmp, absl::string_view exif) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::string> words = values_of(xmp, XmpSpace::kAppleGainMap, "HDRGainMapHeadroom");
+  if (double headroom = 0; !words.empty()) {
+    const bool good = absl::SimpleAtod(words.front(), &headroom) && headroom >= 1 && std::isfinite(headroom);
+    return good ? log2_of(headroom) : kNone;
+  }
+  const std::optional<double> of_33 = apple_number(exif, 33), of_48 = apple_number(exif, 48);
+  return of_33 && of_48 ? apple_stops(*of_33, *of_48) : kNone;
+}
+
+absl::StatusOr<std::optional<FoundGainMap>> words_of_apple(const Xmp& xmp, absl::string_view exif) {
+  if (!names(xmp, XmpSpace::kAppleGainMap, "HDRGainMapVersion")) return std::nullopt;
+  const double stops = apple_headroom_log2(xmp, exif);
+  if (std::isnan(stops)) {
+    return absl::InvalidArgumentError(
+        "Apple's kind of map needs a headroom, and neither its HDRGainMapHeadroom nor an iPhone's maker "
+        "note in the file's Exif says one");
+  }
+  return FoundGainMap{.metadata = {.headroom_hdr_log2 = stops}, .is_apple = true};
+}
+
+// The words of a picture. Absent if it says nothing of a gain map. `exif` is that of the file's own picture.
+absl::StatusOr<std::optional<FoundGainMap>> map_words_of(const JpegSegments& map, absl::string_view exif) {
+  const Xmp xmp = xmp_properties(map.named(kApp1, kXmpName).value_or(""));
+  absl::Status unusable;
+  for (absl::StatusOr<std::optional<FoundGainMap>> words :
+       {words_of_iso(map.named(kApp2, kIsoGainMapName).value_or("")), words_of_adobe(xmp),
+        words_of_apple(xmp, exif)}) {
+    absl::Status status = words.status();
+    if (status.ok() && *words) status = fill_channels((*words)->metadata);
+    if (status.ok() && *words) return words;
+    unusable.Update(status);
+  }
+  RETURN_IF_ERROR(unusable);
+  return std::nullopt;
 }
 
 // ---- Where the map is ----
 
-struct Place {
-  uint64_t at = 0, bytes = 0;
-  const char* source = "";
-};
+constexpr size_t kMostPlaces = 16;  // each may be as long as the file
 
-std::vector<Place> places_of_mpf(absl::string_view file, const JpegSegments& segments) {
+void add_places_of_mpf(absl::string_view file, const JpegSegments& segments, std::vector<uint64_t>& places) {
   constexpr uint32_t kEntries = 0xb002, kEntryBytes = 16;
-  std::vector<Place> places;
   const std::optional<absl::string_view> body = segments.named(kApp2, kMpfName);
-  if (!body) return places;
+  if (!body) return;
   const uint64_t order_at = static_cast<uint64_t>(body->data() - file.data());
   const TiffBytes mpf(*body);
   const std::optional<TiffBytes::Tag> tag = mpf.tag(kEntries);
-  if (!tag || tag->count < 2 * kEntryBytes) return places;
+  if (!tag || tag->count < 2 * kEntryBytes) return;
   const size_t first = mpf.number_32(tag->value_at).value_or(0);
-  for (uint32_t i = 1; i < tag->count / kEntryBytes; ++i) {
-    const size_t at = first + size_t{kEntryBytes} * i;
-    const std::optional<uint32_t> bytes = mpf.number_32(at + 4), offset = mpf.number_32(at + 8);
-    if (!bytes || !offset) break;
-    if (*offset > 0) places.push_back({order_at + *offset, *bytes, "MPF"});
+  for (uint32_t i = 1; i < tag->count / kEntryBytes && places.size() < kMostPlaces; ++i) {
+    const std::optional<uint32_t> offset = mpf.number_32(first + size_t{kEntryBytes} * i + 8);
+    if (!offset) break;
+    if (*offset > 0) places.push_back(order_at + *offset);
   }
-  return places;
 }
 
-// The files follow each other in the directory's order, behind the first one and its padding.
-std::vector<Place> places_of_directory(absl::string_view xmp, const JpegSegments& segments) {
-  constexpr absl::string_view kItem = "<Container:Item";
-  std::vector<Place> places;
+// By Google's Container directory: the files follow each other in its order, behind the first one and its
+// padding.
+void add_places_of_directory(const Xmp& xmp, const JpegSegments& segments, std::vector<uint64_t>& places) {
+  if (segments.end == 0) return;
   uint64_t from = segments.end;
   bool is_first = true;
-  for (size_t at = 0; segments.end > 0 && (at = xmp.find(kItem, at)) != kNowhere;) {
-    const size_t end = std::min(xmp.find('>', at), xmp.size());
-    const absl::string_view item = xmp.substr(at + kItem.size(), end - at - kItem.size());
-    at = end;
+  for (size_t i = 0; i < xmp.size() && places.size() < kMostPlaces;) {
     uint32_t length = 0, padding = 0;
-    (void)absl::SimpleAtoi(attribute(item, "Item:Length").value_or("0"), &length);
-    (void)absl::SimpleAtoi(attribute(item, "Item:Padding").value_or("0"), &padding);
-    if (is_first) length = 0;  // segments.end counts
-    if (attribute(item, "Item:Semantic") == "GainMap")
-      places.push_back({from, length, "Container directory"});
-    from += uint64_t{length} + padding;
+    bool is_item = false;
+    for (const int item = xmp[i].item; i < xmp.size() && xmp[i].item == item; ++i) {
+      if (xmp[i].space != XmpSpace::kContainerItem) continue;
+      is_item = true;
+      if (xmp[i].name == "Length") (void)absl::SimpleAtoi(xmp[i].value, &length);
+      if (xmp[i].name == "Padding") (void)absl::SimpleAtoi(xmp[i].value, &padding);
+      if (xmp[i].name == "Semantic" && xmp[i].value == "GainMap") places.push_back(from);
+    }
+    if (!is_item) continue;
+    from += (is_first ? 0 : uint64_t{length}) + padding;  // the first one's end is known
     is_first = false;
   }
-  return places;
 }
 
-// Absent if the picture says nothing of a gain map.
-absl::StatusOr<std::optional<GainMapMetadata>> metadata_of(const JpegSegments& map) {
-  const std::optional<absl::string_view> iso = map.named(kApp2, kIsoGainMapName);
-  const std::optional<absl::string_view> xmp = map.named(kApp1, kXmpName);
-  const bool has_xmp = xmp && has_gain_map_version(*xmp);
-  if (!iso && !has_xmp) return std::nullopt;
-  absl::StatusOr<GainMapMetadata> metadata =
-      iso ? metadata_of_iso(*iso) : absl::StatusOr<GainMapMetadata>(absl::UnimplementedError(""));
-  if (absl::IsUnimplemented(metadata.status()) && has_xmp) metadata = metadata_of_xmp(*xmp);
-  if (absl::IsUnimplemented(metadata.status())) {
-    return absl::InvalidArgumentError(metadata.status().message());
-  }
-  RETURN_IF_ERROR(metadata.status());
-  RETURN_IF_ERROR(check_gain_map(*metadata));
-  for (int c = 1; metadata->one_channel && c < 3; ++c) {
-    for (auto member : {&GainMapMetadata::min_log2, &GainMapMetadata::max_log2, &GainMapMetadata::gamma,
-                        &GainMapMetadata::offset_sdr, &GainMapMetadata::offset_hdr}) {
-      ((*metadata).*member)[c] = ((*metadata).*member)[0];
-    }
-  }
-  return *metadata;
-}
+// ---- The light ----
 
-constexpr size_t kMostPlaces = 16;
+// Light of a signal, by the inverse of ITU-R BT.709's curve.
+double rec709_light(double signal) {
+  return signal < 0.081 ? signal / 4.5 : power((signal + 0.099) / 1.099, 1 / 0.45);
+}
 
 // Those in the map of a place in the picture.
 Neighbours neighbours_in(uint32_t at, double scale, uint32_t count) {
@@ -262,48 +271,57 @@ Neighbours neighbours_in(uint32_t at, double scale, uint32_t count) {
 
 }  // namespace
 
-absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSegments& segments,
-                                           std::vector<std::string>& notes) {
-  const absl::string_view xmp = segments.named(kApp1, kXmpName).value_or("");
-  const bool announced = has_gain_map_version(xmp) || segments.named(kApp2, kIsoGainMapName);
-  std::vector<Place> places = places_of_mpf(file, segments);
-  const std::vector<Place> more = places_of_directory(xmp, segments);
-  places.insert(places.end(), more.begin(), more.end());
-  // Each is looked through to its end, and a file may name as many as it likes.
-  if (places.size() > kMostPlaces) places.resize(kMostPlaces);
+absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSegments& segments) {
+  const absl::string_view exif = segments.named(kApp1, kExifName).value_or("");
+  const Xmp xmp = xmp_properties(segments.named(kApp1, kXmpName).value_or(""));
+  std::vector<uint64_t> places;
+  add_places_of_directory(xmp, segments, places);
+  add_places_of_mpf(file, segments, places);
 
-  absl::Status lost;  // why there is nothing at a place
-  for (const Place& place : places) {
-    if (place.at > file.size() || place.bytes > file.size() - place.at) {
-      lost.Update(absl::InvalidArgumentError(
-          absl::StrFormat("its %s places a picture at bytes %d to %d; the file has %d", place.source,
-                          place.at, place.at + place.bytes, file.size())));
-      continue;
-    }
-    const absl::string_view jpeg = file.substr(place.at, place.bytes);
+  bool is_named = names(xmp, XmpSpace::kGainMap, "Version") || segments.named(kApp2, kIsoGainMapName);
+  absl::Status unusable;
+  absl::string_view wordless;  // the picture at the first place, if it says nothing of a gain map
+  // Goes on behind the picture at a place, if one is there.
+  const auto look = [&](uint64_t at, uint64_t& next) -> std::optional<FoundGainMap> {
+    next = at + 1;
+    const absl::string_view jpeg = file.substr(std::min<uint64_t>(at, file.size()));
     const absl::StatusOr<JpegSegments> found = jpeg_segments(jpeg);
-    if (!found.ok()) {
-      lost.Update(absl::InvalidArgumentError(absl::StrFormat(
-          "its %s places a picture at byte %d: %s", place.source, place.at, found.status().message())));
-      continue;
-    }
-    ASSIGN_OR_RETURN(const std::optional<GainMapMetadata> metadata, metadata_of(*found));
-    if (metadata) return FoundGainMap{jpeg, *metadata};
+    if (!found.ok()) return std::nullopt;
+    if (found->end > 0) next = at + found->end;
+    absl::StatusOr<std::optional<FoundGainMap>> words = map_words_of(*found, exif);
+    is_named = is_named || !words.ok();
+    unusable.Update(words.status());
+    const absl::string_view whole = jpeg.substr(0, found->end > 0 ? found->end : jpeg.size());
+    if (words.ok() && *words) (*words)->jpeg = whole;
+    if (words.ok() && !*words && !places.empty() && at == places.front()) wordless = whole;
+    return words.value_or(std::nullopt);
+  };
+  uint64_t next = 0;
+  for (const uint64_t at : places) {
+    if (const std::optional<FoundGainMap> found = look(at, next)) return *found;
   }
-  if (!announced) return FoundGainMap{};  // others, such as small previews, are not used
-  RETURN_IF_ERROR(lost);
-  notes.push_back("the file says that it has a gain map, but it has none: the SDR picture is shown");
-  return FoundGainMap{};
+  // An editor may have moved the map, or left what says its place behind.
+  uint64_t at = segments.end;
+  for (size_t i = 0; at > 0 && i < kMostPlaces && (at = file.find("\xff\xd8\xff", at)) != file.npos; ++i) {
+    if (const std::optional<FoundGainMap> found = look(at, at)) return *found;
+  }
+  if (!is_named) return FoundGainMap{};  // others, such as small previews, are not used
+  RETURN_IF_ERROR(unusable);
+  // The words may stand in the file's own picture alone.
+  ASSIGN_OR_RETURN(std::optional<FoundGainMap> own, map_words_of(segments, exif));
+  if (!own || wordless.empty()) return absl::InvalidArgumentError("the file speaks of one, and holds none");
+  own->jpeg = wordless;
+  return *own;
 }
 
-GainMap::GainMap(Image map, const GainMapMetadata& metadata, bool one_channel, uint32_t width,
-                 uint32_t height)
+GainMap::GainMap(Image map, const FoundGainMap& found, bool one_channel, uint32_t width, uint32_t height)
     : map_(std::move(map)),
-      metadata_(metadata),
+      metadata_(found.metadata),
+      is_apple_(found.is_apple),
+      peak_(exponential(std::numbers::ln2 * metadata_.headroom_hdr_log2)),
       channels_(one_channel ? 1 : 3),
       scale_x_(static_cast<double>(map_.width) / width),
       scale_y_(static_cast<double>(map_.height) / height) {
-  for (size_t i = 0; i < sdr_.size(); ++i) sdr_[i] = to_linear(ColorCurve::kSrgb, i / 255.0);
   for (size_t c = 0; c < 3; ++c) {
     for (size_t i = 0; i < 256; ++i) gains_[c][i] = gain(c, static_cast<double>(i));
   }
@@ -311,17 +329,17 @@ GainMap::GainMap(Image map, const GainMapMetadata& metadata, bool one_channel, u
 
 void GainMap::describe(Image& image) const {
   image.light = PictureLight::kHdr;
-  image.peak = exponential(std::numbers::ln2 * metadata_.headroom_hdr_log2);
+  image.peak = peak_;
   absl::StrAppend(&image.signal, ", gain map of ",
                   in_digits(metadata_.headroom_hdr_log2 - metadata_.headroom_base_log2, 2), " stops");
   image.notes.push_back(
       "gain map: 1 is reference white; exposure is 0 EV and there is no bloom unless they are given");
 }
 
-void GainMap::apply(const uint8_t* codes, uint32_t width, uint32_t y, float* light) const {
+void GainMap::apply(uint32_t width, uint32_t y, float* light) const {
   const bool same_size = scale_x_ == 1 && scale_y_ == 1;
   const Neighbours rows = neighbours_in(y, scale_y_, map_.height);
-  for (uint32_t x = 0; x < width; ++x, codes += 4, light += 4) {
+  for (uint32_t x = 0; x < width; ++x, light += 4) {
     std::array<double, 3> gains{};
     if (same_size) {
       const uint8_t* const code = row(y) + size_t{4} * x;
@@ -335,10 +353,9 @@ void GainMap::apply(const uint8_t* codes, uint32_t width, uint32_t y, float* lig
       if (channels_ == 1) gains[1] = gains[2] = gains[0];
     }
     for (size_t c = 0; c < 3; ++c) {
-      const double hdr = (sdr_[codes[c]] + metadata_.offset_sdr[c]) * gains[c] - metadata_.offset_hdr[c];
+      const double hdr = (light[c] + metadata_.offset_sdr[c]) * gains[c] - metadata_.offset_hdr[c];
       light[c] = static_cast<float>(std::max(hdr, 0.0));
     }
-    light[3] = 1;
   }
 }
 
@@ -348,6 +365,7 @@ double GainMap::mix(uint32_t y, const Neighbours& columns, size_t c) const {
 }
 
 double GainMap::gain(size_t c, double code) const {
+  if (is_apple_) return 1 + (peak_ - 1) * rec709_light(code / 255);
   const double gamma = metadata_.gamma[c], min = metadata_.min_log2[c];
   const double share = gamma == 1 ? code / 255 : power(code / 255, 1 / gamma);
   return exponential(std::numbers::ln2 * (min + (metadata_.max_log2[c] - min) * share));

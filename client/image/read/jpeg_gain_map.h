@@ -5,8 +5,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
@@ -18,28 +16,29 @@
 namespace candela {
 
 struct FoundGainMap {
-  absl::string_view jpeg;    // within the file; empty: the file has no gain map
+  absl::string_view jpeg{};  // within the file; empty: the file has no gain map
   GainMapMetadata metadata;  // all three channels are filled
+  bool is_apple = false;     // Apple's formula, of which `metadata` has the headroom alone
+  bool base_is_hdr = false;  // the file's own picture is the HDR one, and the map makes the SDR one
 };
 
-// Looks for the map by MPF, then by Google's Container directory. Its metadata is ISO 21496-1, or else
-// Adobe's XMP. `segments` are those of `file`. Adds a note if the file mentions a map and does not say where
-// it is. INVALID_ARGUMENT, whose message does not name the file, if the place is not in the file, or the
-// metadata is damaged, or makes an SDR picture of an HDR one.
-absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSegments& segments,
-                                           std::vector<std::string>& notes);
+// Looks for the map where Google's Container directory and the file's MPF say, then behind the file's own
+// picture. Its words are ISO 21496-1's, else Adobe's XMP, else Apple's, or those of the file's own picture.
+// `segments` are those of `file`. INVALID_ARGUMENT, whose message is a reason without the file's name, if the
+// file speaks of a map and has none that can be used.
+absl::StatusOr<FoundGainMap> find_gain_map(absl::string_view file, const JpegSegments& segments);
 
 // Makes HDR light of a picture's rows.
 class GainMap {
  public:
   // `map` is kRgba8. The picture that it belongs to has `width` and `height`.
-  GainMap(Image map, const GainMapMetadata& metadata, bool one_channel, uint32_t width, uint32_t height);
+  GainMap(Image map, const FoundGainMap& found, bool one_channel, uint32_t width, uint32_t height);
 
   // Tells the image what it holds, behind what is said of the SDR picture.
   void describe(Image& image) const;
 
-  // `codes` are R, G, B and one more of row `y`; `light` gets them with alpha 1.
-  void apply(const uint8_t* codes, uint32_t width, uint32_t y, float* light) const;
+  // `light` is that of row `y` of the SDR picture, R, G, B and alpha, and becomes that of the HDR one.
+  void apply(uint32_t width, uint32_t y, float* light) const;
 
  private:
   const uint8_t* row(uint32_t y) const {
@@ -50,9 +49,10 @@ class GainMap {
 
   Image map_;
   GainMapMetadata metadata_;
+  bool is_apple_;
+  double peak_;
   size_t channels_;
   double scale_x_, scale_y_;
-  std::array<double, 256> sdr_{};
   std::array<std::array<double, 256>, 3> gains_{};
 };
 

@@ -11,6 +11,7 @@
 #include <csetjmp>
 #include <cstddef>
 #include <cstdint>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -23,6 +24,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
+#include "client/image/power.h"
 #include "client/image/read/exif.h"
 #include "client/image/read/icc_profile.h"
 #include "client/image/read/jpeg_gain_map.h"
@@ -68,8 +70,33 @@ Signal signal_of_jpeg(const JpegSegments& segments, int components, std::vector<
   return signal;
 }
 
-// Reads JPEG files by libjpeg-turbo: pictures in grey, RGB and CMYK of 8 bits, upright. With a gain map, it is the HDR
-// picture, for a display that can show all of it; else codes of what its ICC profile says, or of sRGB.
+// Refuses by name what libjpeg does not decode. Source: ITU-T T.81, table B.1; T.87 (JPEG-LS).
+absl::Status check_process(const std::string& path, const JpegSegments& segments) {
+  for (const JpegSegment& segment : segments.before_scans) {
+    const uint8_t marker = segment.marker;
+    const bool is_ls = marker == 0xf7;
+    const bool is_frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (!is_ls && !is_frame) continue;
+    const int bits = segment.body.empty() ? 8 : static_cast<uint8_t>(segment.body[0]);
+    const bool is_lossless = marker % 4 == 3, is_hierarchical = (marker & 4) != 0;
+    if (!is_ls && !is_lossless && !is_hierarchical && bits == 8) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: this is a%s of %d bits; Candela reads baseline and progressive JPEGs of 8 bits; "
+                        "convert it to PNG",
+                        path,
+                        is_ls             ? " JPEG-LS file"
+                        : is_lossless     ? " lossless JPEG"
+                        : is_hierarchical ? " hierarchical JPEG"
+                                          : " JPEG",
+                        bits));
+  }
+  return absl::OkStatus();
+}
+
+// Reads JPEG files by libjpeg-turbo: pictures in grey, RGB and CMYK of 8 bits, upright. With a gain map, it
+// is the HDR picture, for a display that can show all of it; else codes of what its ICC profile says, or of
+// sRGB. The mark of a picture's end may be missing.
 
 constexpr int kMostScans = 500;  // a small file may have very many, and each takes the time of a picture
 
@@ -77,7 +104,9 @@ constexpr int kMostScans = 500;  // a small file may have very many, and each ta
 // returns false for an error.
 class Jpeg {
  public:
-  explicit Jpeg(absl::string_view bytes) : bytes_(bytes) {
+  // `fills_gaps`: damage ends what is whole, and is no error.
+  explicit Jpeg(absl::string_view bytes, bool fills_gaps = false) : bytes_(bytes) {
+    failure_.fills_gaps = fills_gaps;
     codec_.err = jpeg_std_error(&failure_.manager);
     failure_.manager.error_exit = fail;
     failure_.manager.emit_message = on_message;
@@ -95,22 +124,24 @@ class Jpeg {
     jpeg_read_header(&codec_, TRUE);
     return true;
   }
-  // Asks for rows of R, G, B and a fourth byte that means nothing; of inks for C, M, Y and K.
+  // Asks for rows of R, G, B and a fourth byte that means nothing; of inks for C, M, Y and K. A picture of
+  // several scans is read here.
   bool begin_rows() {
     if (setjmp(failure_.leave) != 0) return false;
+    failure_.whole_rows = height();
     codec_.out_color_space = is_cmyk() ? JCS_CMYK : JCS_EXT_RGBX;
     jpeg_start_decompress(&codec_);
+    if (failure_.file_ends && lacks_scans()) on_damage(reinterpret_cast<j_common_ptr>(&codec_));
     return true;
   }
   bool read_row(uint8_t* row) {
     if (setjmp(failure_.leave) != 0) return false;
     return jpeg_read_scanlines(&codec_, &row, 1) == 1;
   }
-  bool end_rows() {
-    if (setjmp(failure_.leave) != 0) return false;
-    return jpeg_finish_decompress(&codec_) == TRUE;
-  }
 
+  // How many rows from the top have no damage that is known by now.
+  uint32_t whole_rows() const { return failure_.whole_rows; }
+  bool is_damaged() const { return failure_.is_damaged; }
   uint32_t width() const { return codec_.image_width; }
   uint32_t height() const { return codec_.image_height; }
   int components() const { return codec_.num_components; }
@@ -129,33 +160,74 @@ class Jpeg {
   struct Failure {
     jpeg_error_mgr manager;  // first, so that libjpeg's pointer to it is also a pointer to Failure
     std::jmp_buf leave;
-    char text[JMSG_LENGTH_MAX] = "";
+    char text[JMSG_LENGTH_MAX] = "";  // the first message
+    bool fills_gaps = false, file_ends = false, is_damaged = false;
+    uint32_t whole_rows = 0;
   };
 
-  [[noreturn]] static void fail(j_common_ptr codec) {
-    auto* failure = reinterpret_cast<Failure*>(codec->err);
-    failure->manager.format_message(codec, failure->text);
-    std::longjmp(failure->leave, 1);
+  static Failure& failure_of(j_common_ptr codec) { return *reinterpret_cast<Failure*>(codec->err); }
+
+  static void keep_message(j_common_ptr codec) {
+    Failure& failure = failure_of(codec);
+    if (failure.text[0] == '\0') failure.manager.format_message(codec, failure.text);
   }
-  // libjpeg only warns of codes that are not there, and goes on with grey.
+  [[noreturn]] static void fail(j_common_ptr codec) {
+    Failure& failure = failure_of(codec);
+    keep_message(codec);
+    failure.whole_rows =
+        std::min(failure.whole_rows, reinterpret_cast<j_decompress_ptr>(codec)->output_scanline);
+    std::longjmp(failure.leave, 1);
+  }
+  // libjpeg only warns of codes that are not there, and goes on with grey. That the file ends is no damage:
+  // codes that are missing then are warned of, too.
   static void on_message(j_common_ptr codec, int level) {
     if (level >= 0) return;
     switch (codec->err->msg_code) {
+      case JWRN_JPEG_EOF:
+        failure_of(codec).file_ends = true;
+        keep_message(codec);
+        // Of an arithmetic code the end may be left out where it is zeros, so libjpeg cannot know.
+        if (reinterpret_cast<j_decompress_ptr>(codec)->arith_code != FALSE) on_damage(codec);
+        return;
       case JWRN_ARITH_BAD_CODE:
       case JWRN_HIT_MARKER:
       case JWRN_HUFF_BAD_CODE:
-      case JWRN_JPEG_EOF:
       case JWRN_MUST_RESYNC:
-        fail(codec);
+        on_damage(codec);
+        return;
       default:
         return;
     }
   }
+  static void on_damage(j_common_ptr codec) {
+    Failure& failure = failure_of(codec);
+    failure.is_damaged = true;
+    const auto* const jpeg = reinterpret_cast<j_decompress_ptr>(codec);
+    // Later scans of a progressive picture refine rows that are there.
+    const bool refines = jpeg->progressive_mode != FALSE && (jpeg->Ss > 0 || jpeg->Ah > 0);
+    const uint32_t row_of_blocks = static_cast<uint32_t>(jpeg->max_v_samp_factor) * DCTSIZE;
+    if (!refines) failure.whole_rows = std::min(failure.whole_rows, jpeg->input_iMCU_row * row_of_blocks);
+    keep_message(codec);
+    if (!failure.fills_gaps) std::longjmp(failure.leave, 1);
+  }
   static void count_scans(j_common_ptr codec) {
     if (reinterpret_cast<j_decompress_ptr>(codec)->input_scan_number <= kMostScans) return;
-    auto* failure = reinterpret_cast<Failure*>(codec->err);
-    std::snprintf(failure->text, sizeof failure->text, "it has more than %d scans", kMostScans);
-    std::longjmp(failure->leave, 1);
+    Failure& failure = failure_of(codec);
+    std::snprintf(failure.text, sizeof failure.text, "it has more than %d scans", kMostScans);
+    failure.whole_rows = 0;
+    std::longjmp(failure.leave, 1);
+  }
+
+  // Whether a file that ends without its mark ends before its last scan.
+  bool lacks_scans() const {
+    for (int c = 0; c < codec_.num_components; ++c) {
+      if (codec_.comp_info[c].quant_table == nullptr)
+        return true;  // libjpeg sets it at the component's first
+      for (int k = 0; codec_.progressive_mode != FALSE && k < DCTSIZE2; ++k) {
+        if (codec_.coef_bits[c][k] != 0) return true;
+      }
+    }
+    return false;
   }
 
   absl::string_view bytes_;
@@ -179,45 +251,54 @@ absl::Status check_kind(const std::string& path, const char* what, const Jpeg& j
       "%s: the %s has %d components; Candela reads grey and RGB", path, what, jpeg.components()));
 }
 
-absl::StatusOr<GainMap> read_gain_map(const std::string& path, const FoundGainMap& found,
-                                      const ImageLimits& limits, uint32_t width, uint32_t height) {
+// The gain map of the file, if it has one that can be used and the choice does not overrule it. Tells the
+// image, of which all else is known, that there is one, or why it is not used.
+absl::StatusOr<std::optional<GainMap>> gain_map_of(const std::string& path, absl::string_view file,
+                                                   const JpegSegments& segments, const Jpeg& base,
+                                                   const ImageLimits& limits, const PictureChoice& choice,
+                                                   Image& image) {
   constexpr char kWhat[] = "gain map";
-  Jpeg jpeg(found.jpeg);
-  if (!jpeg.read_header()) return damaged(path, kWhat, jpeg.error());
-  RETURN_IF_ERROR(check_kind(path, kWhat, jpeg));
-  RETURN_IF_ERROR(check_image_size(path, kWhat, jpeg.width(), jpeg.height(), ImageFormat::kRgba8, limits));
+  if (choice.keeps_signal) return std::nullopt;
+  const absl::StatusOr<FoundGainMap> found = find_gain_map(file, segments);
+  image.has_gain_map = found.ok() && !found->jpeg.empty();
+  if ((found.ok() && !image.has_gain_map) || choice.base_of_gain_map) return std::nullopt;
+  if (choice.transfer) {
+    image.notes.push_back("its gain map is not used, because --input-transfer says what the codes are");
+    return std::nullopt;
+  }
+  const auto unused = [&](absl::string_view why) {
+    absl::ConsumePrefix(&why, path + ": ");
+    image.notes.push_back(
+        absl::StrFormat("its gain map is not used: %s; the picture without it is shown", why));
+    return std::nullopt;
+  };
+  if (!found.ok()) return unused(found.status().message());
+  if (found->base_is_hdr) {
+    if (image.light == PictureLight::kHdr) {
+      image.peak = exponential(std::numbers::ln2 * found->metadata.headroom_hdr_log2);
+    }
+    image.notes.push_back("its own picture is the HDR one and is shown: its gain map makes the SDR one");
+    return std::nullopt;
+  }
+  if (image.light == PictureLight::kHdr)
+    return unused("its profile says PQ or HLG, which is HDR without a map");
+  Jpeg jpeg(found->jpeg);
+  if (!jpeg.read_header()) return unused(damaged(path, kWhat, jpeg.error()).message());
+  absl::Status usable = check_kind(path, kWhat, jpeg);
+  usable.Update(check_image_size(path, kWhat, jpeg.width(), jpeg.height(), ImageFormat::kRgba8, limits));
+  if (!usable.ok()) return unused(usable.message());
   ASSIGN_OR_RETURN(Image map, image_to_overwrite(jpeg.width(), jpeg.height(), ImageFormat::kRgba8));
   bool whole = jpeg.begin_rows();
   for (uint32_t y = 0; whole && y < map.height; ++y) {
     whole = jpeg.read_row(reinterpret_cast<uint8_t*>(map.pixels.data() + y * map.row_bytes()));
   }
-  if (!whole || !jpeg.end_rows()) return damaged(path, kWhat, jpeg.error());
-  const bool one_channel = found.metadata.one_channel && jpeg.components() == 1;
-  return GainMap(std::move(map), found.metadata, one_channel, width, height);
-}
-
-// The gain map of the file, if it has one and the choice does not overrule it.
-absl::StatusOr<std::optional<GainMap>> gain_map_of(const std::string& path, absl::string_view file,
-                                                   const JpegSegments& segments, const Jpeg& base,
-                                                   const ImageLimits& limits, const PictureChoice& choice,
-                                                   Image& image) {
-  if (choice.keeps_signal) return std::nullopt;
-  std::vector<std::string> notes;
-  absl::StatusOr<FoundGainMap> found = find_gain_map(file, segments, notes);
-  if (choice.transfer) {
-    if (!found.ok() || !found->jpeg.empty()) {
-      image.notes.push_back("its gain map is not used, because --input-transfer says what the codes are");
-    }
-    return std::nullopt;
-  }
-  image.notes.insert(image.notes.end(), notes.begin(), notes.end());
-  if (!found.ok()) return damaged(path, "gain map", found.status().message());
-  if (found->jpeg.empty()) return std::nullopt;
+  if (!whole) return unused(damaged(path, kWhat, jpeg.error()).message());
   if (!found->metadata.base_primaries && !found->metadata.one_channel) {
     image.notes.push_back(
         "its gain map is of light in the HDR picture's primaries; the SDR picture's are taken");
   }
-  return read_gain_map(path, *found, limits, base.width(), base.height());
+  const bool one_channel = found->metadata.one_channel && (found->is_apple || jpeg.components() == 1);
+  return GainMap(std::move(map), *found, one_channel, base.width(), base.height());
 }
 
 // Rows until one cannot be read. Returns how many.
@@ -228,24 +309,14 @@ uint32_t read_jpeg_rows(Jpeg& jpeg, const SignalDecoder& decoder, const std::opt
   std::vector<uint16_t> wide(codes.size(), 65535);
   std::vector<float> light(codes.size());
   const int inverted = jpeg.is_cmyk() && jpeg.has_inverted_inks() ? 255 : 0;
-  const auto pixel = [&image](uint32_t x, uint32_t y) {
-    return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes()) + size_t{4} * x;
-  };
   for (uint32_t y = 0; y < jpeg.height(); ++y) {
-    if (!jpeg.read_row(codes.data())) return y;
-    float* const to = turned.is_needed() ? light.data() : pixel(0, y);
-    if (map) {
-      map->apply(codes.data(), width, y, to);
-    } else {
-      for (size_t i = 0; i < codes.size(); ++i) {
-        if (i % 4 != 3 || jpeg.is_cmyk()) wide[i] = static_cast<uint16_t>((codes[i] ^ inverted) * 257);
-      }
-      decoder.decode(wide, to);
+    if (!jpeg.read_row(codes.data()) || y >= jpeg.whole_rows()) return y;
+    for (size_t i = 0; i < codes.size(); ++i) {
+      if (i % 4 != 3 || jpeg.is_cmyk()) wide[i] = static_cast<uint16_t>((codes[i] ^ inverted) * 257);
     }
-    for (uint32_t x = 0; turned.is_needed() && x < width; ++x) {
-      const auto [to_x, to_y] = turned.place(x, y);
-      std::copy_n(light.data() + size_t{4} * x, 4, pixel(to_x, to_y));
-    }
+    decoder.decode(wide, light.data());
+    if (map) map->apply(width, y, light.data());
+    turned.put_row(light, y, image);
   }
   return jpeg.height();
 }
@@ -263,11 +334,12 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
   const absl::string_view all(bytes.data(), bytes.size());
   const absl::StatusOr<JpegSegments> segments = jpeg_segments(all);
   if (!segments.ok()) return damaged(file.path(), kWhat, segments.status().message());
-  Jpeg jpeg(all);
+  RETURN_IF_ERROR(check_process(file.path(), *segments));
+  Jpeg jpeg(segments->end > 0 ? all.substr(0, segments->end) : all, choice.fills_gaps);
   if (!jpeg.read_header()) return damaged(file.path(), kWhat, jpeg.error());
   if (!jpeg.is_cmyk()) RETURN_IF_ERROR(check_kind(file.path(), "picture", jpeg));
-  const Turned turned(orientation_of(segments->named(kApp1, kExifName).value_or("")), jpeg.width(),
-                      jpeg.height());
+  const int orientation = orientation_of(segments->named(kApp1, kExifName).value_or(""));
+  const Turned turned(orientation, jpeg.width(), jpeg.height());
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
   RETURN_IF_ERROR(check_image_size(file.path(), "image", turned.width(), turned.height(), kFormat, limits));
   ASSIGN_OR_RETURN(Image image, make_image(turned.width(), turned.height(), kFormat));
@@ -275,34 +347,22 @@ absl::StatusOr<Image> read_jpeg(FileReader& file, const ImageLimits& limits, con
     set_pixel_aspect(turned.swaps() ? 1 / aspect : aspect, image);
   }
   Signal signal = signal_of_jpeg(*segments, jpeg.components(), image.notes);
-  absl::StatusOr<std::optional<GainMap>> map =
-      gain_map_of(file.path(), all, *segments, jpeg, limits, choice, image);
-  if (!map.ok() && absl::IsInvalidArgument(map.status())) {
-    if (!choice.fills_gaps) return or_fill(map.status());
-    image.notes.push_back(absl::StrCat(absl::StripPrefix(map.status().message(), file.path() + ": "),
-                                       "; the SDR picture is shown"));
-    map = std::nullopt;
-  }
-  RETURN_IF_ERROR(map.status());
-  if (map->has_value() && !signal.inks &&
-      (signal.transfer == SignalTransfer::kPq || signal.transfer == SignalTransfer::kHlg)) {
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: its profile says PQ or HLG, which has no gain map; --input-transfer leaves the map out",
-        file.path()));
-  }
-  if (map->has_value() && (signal.inks || signal.transfer != SignalTransfer::kSrgb)) {
-    image.notes.emplace_back("its gain map is not used: the SDR picture does not have sRGB's curve");
-    map->reset();
-  }
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(8, image);
-  if (map->has_value()) (*map)->describe(image);
+  ASSIGN_OR_RETURN(const std::optional<GainMap> map,
+                   gain_map_of(file.path(), all, *segments, jpeg, limits, choice, image));
+  if (map) map->describe(image);
 
-  const uint32_t rows = jpeg.begin_rows() ? read_jpeg_rows(jpeg, decoder, *map, turned, image) : 0;
-  if (rows == jpeg.height() && (jpeg.end_rows() || choice.fills_gaps)) return image;
+  const uint32_t rows = jpeg.begin_rows() ? read_jpeg_rows(jpeg, decoder, map, turned, image) : 0;
+  if (rows == jpeg.height() && !jpeg.is_damaged()) return image;
   const absl::Status status = damaged(file.path(), kWhat, jpeg.error());
-  if (rows == 0) return status;
+  if (jpeg.whole_rows() == 0) return status;
   if (!choice.fills_gaps) return or_fill(status);
+  if (rows == jpeg.height()) {
+    image.notes.push_back(absl::StrCat(absl::StripPrefix(status.message(), file.path() + ": "),
+                                       "; detail or colour of later scans is missing"));
+    return image;
+  }
   note_missing(file.path(), status, uint64_t{jpeg.height() - rows} * jpeg.width(), image);
   return image;
 }

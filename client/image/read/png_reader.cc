@@ -1,7 +1,7 @@
 // Reads PNG files by libpng: all of its kinds, as 16 bits of R, G, B and alpha.
 //
 // cICP says what the codes are, before iCCP, sRGB, and gAMA with cHRM; without any of them they are sRGB. An
-// eXIf orientation is not honoured.
+// eXIf before the pixels turns the picture. An ancillary chunk with a wrong checksum counts as missing.
 #include <png.h>
 #include <zlib.h>
 
@@ -11,9 +11,12 @@
 #include <csetjmp>
 #include <cstring>
 #include <optional>
+#include <set>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/image/read/exif.h"
 #include "client/image/read/icc_profile.h"
@@ -47,7 +50,7 @@ class Png {
     png_set_user_limits(png_, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
     png_set_chunk_malloc_max(png_, kMostChunkBytes);
     png_set_chunk_cache_max(png_, kMostChunks);
-    png_set_crc_action(png_, PNG_CRC_ERROR_QUIT, PNG_CRC_ERROR_QUIT);
+    png_set_crc_action(png_, PNG_CRC_ERROR_QUIT, PNG_CRC_WARN_DISCARD);
     // libpng does not know the first three, and judges the profile by rules of its own.
     constexpr char kKept[] = "cICP\0cLLI\0mDCV\0iCCP";
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_ALWAYS, reinterpret_cast<png_const_bytep>(kKept), 4);
@@ -92,8 +95,10 @@ class Png {
     if (png_get_eXIf_1(png_, info_, &size, &bytes) == 0) return "";
     return {reinterpret_cast<const char*>(bytes), size};
   }
-  // The bytes of a chunk that libpng does not read; nothing if the file has none before its pixels.
-  std::optional<absl::string_view> kept(absl::string_view name) const {
+  // The bytes of a chunk that libpng does not read; nothing if the file has none before its pixels, or its
+  // checksum is wrong.
+  std::optional<absl::string_view> kept(const std::string& name) const {
+    if (damaged_chunks_.contains(name)) return std::nullopt;  // libpng only warns of it
     png_unknown_chunkp chunks = nullptr;
     const int count = png_get_unknown_chunks(png_, info_, &chunks);
     for (int i = 0; i < count; ++i) {
@@ -103,6 +108,8 @@ class Png {
     return std::nullopt;
   }
   int passes() const { return passes_; }
+  // The names of chunks about the picture whose checksums are wrong.
+  const std::set<std::string>& damaged_chunks() const { return damaged_chunks_; }
   const char* error() const { return error_; }
   png_structp get() const { return png_; }
   png_infop info() const { return info_; }
@@ -113,7 +120,15 @@ class Png {
     std::strncpy(self.error_, message, sizeof self.error_ - 1);
     png_longjmp(png, 1);
   }
-  static void warn(png_structp, png_const_charp) {}
+  // The message begins with the chunk's name: "gAMA: CRC error". Texts and times say nothing of the picture.
+  static void warn(png_structp png, png_const_charp message) {
+    Png& self = *static_cast<Png*>(png_get_error_ptr(png));
+    if (!absl::StrContains(message, ": CRC error")) return;
+    for (const char* name :
+         {"cHRM", "cICP", "cLLI", "eXIf", "gAMA", "iCCP", "mDCV", "pHYs", "sRGB", "tRNS"}) {
+      if (absl::StartsWith(message, name)) self.damaged_chunks_.insert(name);
+    }
+  }
   static void read(png_structp png, png_bytep to, size_t bytes) {
     Png& self = *static_cast<Png*>(png_get_io_ptr(png));
     if (!self.file_.read({reinterpret_cast<std::byte*>(to), bytes})) png_error(png, "the file is truncated");
@@ -124,6 +139,7 @@ class Png {
   png_infop info_ = nullptr;
   int passes_ = 1;
   char error_[128] = "libpng cannot start";
+  std::set<std::string> damaged_chunks_;
 };
 
 absl::Status damaged_png(const FileReader& file, const Png& png) {
@@ -237,25 +253,26 @@ void stretch(int bits, std::span<uint16_t> codes) {
 }
 
 // Rows until one cannot be read. Returns how many.
-uint32_t read_rows(Png& png, const SignalDecoder& decoder, bool full_range, int bits, Image& image) {
-  const size_t row_codes = size_t{4} * image.width;
+uint32_t read_rows(Png& png, const SignalDecoder& decoder, bool full_range, int bits, const Turned& turned,
+                   Image& image) {
+  const uint32_t height = png.height();
+  const size_t row_codes = size_t{4} * png.width();
   // The pixels of an interlaced file come seven times.
-  std::vector<uint16_t> codes(row_codes * (png.passes() > 1 ? image.height : 1));
-  const auto light = [&image](uint32_t y) {
-    return reinterpret_cast<float*>(image.pixels.data() + y * image.row_bytes());
-  };
+  std::vector<uint16_t> codes(row_codes * (png.passes() > 1 ? height : 1));
+  std::vector<float> light(row_codes);
   for (int pass = 1; pass < png.passes(); ++pass) {
-    for (uint32_t y = 0; y < image.height; ++y) {
+    for (uint32_t y = 0; y < height; ++y) {
       if (!png.read_row(codes.data() + y * row_codes)) return 0;
     }
   }
-  for (uint32_t y = 0; y < image.height; ++y) {
+  for (uint32_t y = 0; y < height; ++y) {
     uint16_t* const row = codes.data() + (png.passes() > 1 ? y * row_codes : 0);
     if (!png.read_row(row)) return png.passes() > 1 ? 0 : y;
     if (!full_range) stretch(bits, {row, row_codes});
-    decoder.decode({row, row_codes}, light(y));
+    decoder.decode({row, row_codes}, light.data());
+    turned.put_row(light, y, image);
   }
-  return image.height;
+  return height;
 }
 
 }  // namespace
@@ -264,26 +281,31 @@ absl::StatusOr<Image> read_png(FileReader& file, const ImageLimits& limits, cons
   Png png(file);
   if (!png.read_header()) return damaged_png(file, png);
   constexpr ImageFormat kFormat = ImageFormat::kRgba32f;
-  RETURN_IF_ERROR(check_image_size(file.path(), "image", png.width(), png.height(), kFormat, limits));
+  const Turned turned(orientation_of(png.exif()), png.width(), png.height());
+  RETURN_IF_ERROR(check_image_size(file.path(), "image", turned.width(), turned.height(), kFormat, limits));
   std::vector<std::string> notes;
   const CodePointChunk code = code_points_of(png, notes);
   ASSIGN_OR_RETURN(Signal signal, signal_of_png(file, png, code, choice, notes));
+  for (const std::string& name : png.damaged_chunks()) {
+    notes.push_back(absl::StrFormat("its %s has a wrong checksum and is not used", name));
+  }
   const int bits = png.bits();
   const bool has_alpha = png.has_alpha();
   const double pixel_aspect = png.pixel_aspect();
   if (!png.begin_rows()) return damaged_png(file, png);
-  ASSIGN_OR_RETURN(Image image, make_image(png.width(), png.height(), kFormat));
+  ASSIGN_OR_RETURN(Image image, make_image(turned.width(), turned.height(), kFormat));
   image.has_alpha = has_alpha;
-  if (pixel_aspect > 0) set_pixel_aspect(pixel_aspect, image);
+  if (pixel_aspect > 0) set_pixel_aspect(turned.swaps() ? 1 / pixel_aspect : pixel_aspect, image);
   image.notes.insert(image.notes.end(), notes.begin(), notes.end());
   const SignalDecoder decoder(std::move(signal), choice);
   decoder.describe(bits, image);
-  const uint32_t rows = read_rows(png, decoder, choice.full_range.value_or(code.is_full), bits, image);
-  if (rows == image.height) return image;
+  const bool full_range = choice.full_range.value_or(code.is_full);
+  const uint32_t rows = read_rows(png, decoder, full_range, bits, turned, image);
+  if (rows == png.height()) return image;
   const absl::Status status = damaged_png(file, png);
   if (rows == 0) return status;
   if (!choice.fills_gaps) return or_fill(status);
-  note_missing(file.path(), status, uint64_t{image.height - rows} * image.width, image);
+  note_missing(file.path(), status, uint64_t{png.height() - rows} * png.width(), image);
   return image;
 }
 

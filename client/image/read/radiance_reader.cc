@@ -19,6 +19,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/charconv.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
@@ -71,13 +72,15 @@ absl::Status read_header(FileReader& file, Header& header) {
   constexpr size_t kMaxLine = 4096;
   constexpr int kMaxLines = 1024;
   std::string line;
+  bool is_begun = false;  // empty lines before its first words do not end it
   for (int i = 0; i < kMaxLines; ++i) {
     if (!file.read_line(line, kMaxLine)) {
       return absl::InvalidArgumentError(absl::StrFormat(
           "%s: the Radiance header does not end with an empty line and an image size", file.path()));
     }
     absl::string_view text = absl::StripSuffix(line, "\r");
-    if (text.empty()) return absl::OkStatus();
+    if (text.empty() && is_begun) return absl::OkStatus();
+    is_begun = is_begun || absl::StartsWith(text, "#?") || absl::StartsWith(text, "FORMAT=");
     if (absl::ConsumePrefix(&text, "FORMAT=")) {
       header.xyz = absl::StripAsciiWhitespace(text) == "32-bit_rle_xyze";
       if (!header.xyz && absl::StripAsciiWhitespace(text) != "32-bit_rle_rgbe") {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
@@ -64,13 +65,31 @@ size_t printable_bytes(absl::string_view text) {
   return code < kLeast[bytes] || code > 0x10ffff || surrogate || is_control(code) ? 0 : bytes;
 }
 
+// Text may stand before the line that names the kind: Radiance's own programs look for its FORMAT alone.
+bool is_radiance(absl::string_view head) {
+  if (absl::StartsWith(head, "#?")) return true;
+  const size_t at =
+      std::min({head.find("\n#?RADIANCE"), head.find("\n#?RGBE"), head.find("\nFORMAT=32-bit_rle_"),
+                absl::StartsWith(head, "FORMAT=32-bit_rle_") ? 0 : head.npos});
+  return at != head.npos && std::ranges::all_of(head.substr(0, at), [](unsigned char c) {
+           return absl::ascii_isprint(c) || absl::ascii_isspace(c) || c >= 0x80;
+         });
+}
+
+// Kinds that people also know as JPEG.
+constexpr std::pair<const char*, absl::string_view> kOtherJpegs[] = {{"JPEG 2000", {"\0\0\0\x0cjP  ", 8}},
+                                                                     {"JPEG 2000", "\xff\x4f\xff\x51"},
+                                                                     {"JPEG XL", {"\0\0\0\x0cJXL ", 8}},
+                                                                     {"JPEG XL", "\xff\x0a"}};
+
 }  // namespace
 
 absl::StatusOr<FileKind> file_kind(FileReader& file) {
-  ASSIGN_OR_RETURN(const std::string begin, file.peek(12));
+  ASSIGN_OR_RETURN(const std::string head, file.peek(256));
+  const std::string begin = head.substr(0, 12);
   const absl::string_view magic = absl::string_view(begin).substr(0, 4);
   if (magic == "\x76\x2f\x31\x01") return FileKind::kExr;
-  if (absl::StartsWith(magic, "#?")) return FileKind::kRadiance;
+  if (is_radiance(head)) return FileKind::kRadiance;
   for (const char* pfm : {"PF", "Pf", "PH", "Ph"}) {
     if (absl::StartsWith(magic, pfm)) return FileKind::kPfm;
   }
@@ -82,6 +101,11 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
   if (const std::string brand = begin.size() < 12 ? "" : begin.substr(4);
       brand == "ftypavif" || brand == "ftypavis" || brand == "ftypmif1") {
     return FileKind::kAvif;
+  }
+  for (const auto& [kind, first] : kOtherJpegs) {
+    if (!absl::StartsWith(begin, first)) continue;
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s: Candela does not read %s; convert it to PNG or AVIF", file.path(), kind));
   }
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
   return absl::InvalidArgumentError(

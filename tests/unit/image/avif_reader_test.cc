@@ -98,6 +98,37 @@ TEST(AvifReader, IsUpright) {
   EXPECT_EQ(of(turned(0, 1), 0, 4), of(plain, 16, 4));
 }
 
+// The part that is to be seen (clap) is cut out first, then turned.
+TEST(AvifReader, IsCropped) {
+  const auto cropped = [](const avifCropRect& rect, int angle, uint32_t width_d = 1) {
+    return read_signal(avif_of(17, 9, some_code, [&](avifImage& image) {
+      image.transformFlags |= AVIF_TRANSFORM_CLAP | AVIF_TRANSFORM_IROT;
+      avifDiagnostics why;
+      EXPECT_TRUE(
+          avifCleanApertureBoxConvertCropRect(&image.clap, &rect, 17, 9, AVIF_PIXEL_FORMAT_YUV444, &why));
+      image.clap.widthD = width_d;
+      image.irot.angle = static_cast<uint8_t>(angle);
+    }));
+  };
+  ASSERT_OK_AND_ASSIGN(const Image plain, read_signal(avif_of(17, 9, some_code, [](avifImage&) {})));
+  const auto of = [](const Image& image, uint32_t x, uint32_t y) {
+    return light_at(image, y * image.width + x, 0);
+  };
+  ASSERT_OK_AND_ASSIGN(const Image part, cropped({3, 2, 7, 5}, 0));
+  EXPECT_EQ(part.width, 7u);
+  EXPECT_EQ(part.height, 5u);
+  for (uint32_t y = 0; y < 5; ++y) {
+    for (uint32_t x = 0; x < 7; ++x) EXPECT_EQ(of(part, x, y), of(plain, x + 3, y + 2)) << x << ' ' << y;
+  }
+  ASSERT_OK_AND_ASSIGN(const Image turned, cropped({3, 2, 7, 5}, 1));
+  EXPECT_EQ(turned.width, 5u);
+  EXPECT_EQ(of(turned, 0, 0), of(plain, 9, 2));
+  EXPECT_EQ(of(turned, 4, 6), of(plain, 3, 6));
+  ASSERT_OK_AND_ASSIGN(const Image strange, cropped({3, 2, 7, 5}, 0, 2));  // 3.5 pixels
+  EXPECT_EQ(strange.width, 17u);
+  EXPECT_TRUE(says(strange.notes.front(), "its cropping is not applied: "));
+}
+
 TEST(AvifReader, KeepsTheAspectOfItsPixels) {
   const auto aspect = [](uint32_t across, uint32_t down, int angle) {
     return *read_signal(avif_of(2, 1, some_code, [&](avifImage& image) {
@@ -183,6 +214,9 @@ TEST(AvifReader, AGainMapIsNoted) {
   bytes.replace(bytes.find("miaf"), 4, "tmap");
   ASSERT_OK_AND_ASSIGN(const Image iso, read_signal(bytes));
   EXPECT_EQ(iso.notes.front(), "its gain map is not used: the picture without it is shown");
+  EXPECT_TRUE(iso.has_gain_map);
+  ASSERT_OK_AND_ASSIGN(const Image base, read_signal(bytes, {.base_of_gain_map = true}));
+  EXPECT_EQ(base.notes.size(), 1u) << base.notes.front();
 }
 
 TEST(AvifReader, WhatCannotBeReadIsNamed) {

@@ -101,6 +101,10 @@ bool has_note(const Image& image, const std::string& words) {
                              [&](const std::string& note) { return note.find(words) != note.npos; });
 }
 
+int noise(uint32_t x, uint32_t y, int c) {
+  return static_cast<int>((x * 97 + y * 57 + x * y * 31 + 80 * c) % 256);
+}
+
 // Puts segments behind the start of a file.
 std::string with(const std::string& file, const std::string& segments) {
   return file.substr(0, 2) + segments + file.substr(2);
@@ -124,6 +128,27 @@ const std::string kIsoGainMap = "urn:iso:std:iso:ts:21496:-1";
 std::string with_iso(std::string file, const std::string& bytes) {
   const size_t at = file.rfind(kIsoGainMap) + kIsoGainMap.size() + 1;
   return file.replace(at, bytes.size(), bytes);
+}
+
+constexpr char kItemSpace[] = "http://ns.google.com/photos/1.0/container/item/";
+
+std::string without_adobe(const std::string& file) {
+  return renamed(file, "http://ns.adobe.com/hdr-gain-map/1.0/", "http://ns.adobe.com/hdr-gain-none/1.0");
+}
+
+// Why the gain map of this file is not used, by its note. Its picture is the SDR one.
+std::string why_unused(const std::string& file, const ImageLimits& limits = {}) {
+  const absl::StatusOr<Image> image = read_jpeg_bytes(file, {}, limits);
+  EXPECT_OK(image);
+  if (!image.ok()) return "";
+  EXPECT_EQ(image->missing_pixels, 0u);
+  const std::string begin = "its gain map is not used: ", end = "; the picture without it is shown";
+  for (const std::string& note : image->notes) {
+    if (!absl::StartsWith(note, begin) || !absl::EndsWith(note, end)) continue;
+    EXPECT_EQ(image->light, PictureLight::kSdr);
+    return note.substr(begin.size(), note.size() - begin.size() - end.size());
+  }
+  return image->light == PictureLight::kHdr ? "it is used" : "no note";
 }
 
 GainMapMetadata three_channels() {
@@ -314,9 +339,10 @@ TEST(JpegReader, EitherPlaceAndEitherMetadataWillDo) {
     ASSERT_OK_AND_ASSIGN(const Image all, read_jpeg_bytes(file));
     EXPECT_EQ(all.signal, "8 bits, sRGB, from ICC, gain map of 3 stops");
     const std::string without_mpf = renamed(file, std::string("MPF\0", 4), std::string("MPX\0", 4));
-    const std::string without_directory = renamed(file, "<Container:Item", "<Kontainer:Item");
+    const std::string without_directory =
+        renamed(file, kItemSpace, "http://ns.google.com/photos/1.0/container/none/");
     const std::string without_iso = renamed(file, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1");
-    const std::string without_xmp = renamed(file, "hdrgm:Version", "hdrgx:Version");
+    const std::string without_xmp = without_adobe(file);
     for (const std::string& other : {without_mpf, without_directory, without_iso, without_xmp}) {
       ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(other));
       EXPECT_EQ(image.signal, all.signal);
@@ -327,8 +353,8 @@ TEST(JpegReader, EitherPlaceAndEitherMetadataWillDo) {
     // A later version than ours is left to the XMP.
     ASSERT_OK_AND_ASSIGN(const Image later, read_jpeg_bytes(with_iso(file, std::string("\0\1", 2))));
     EXPECT_NEAR(component(later, 7, 7, 0), component(all, 7, 7, 0), 1e-6);
-    EXPECT_REFUSED(kInvalidArgument, "the gain map needs version 1 of ISO 21496-1; Candela reads version 0",
-                   read_jpeg_bytes(with_iso(without_xmp, std::string("\0\1", 2))));
+    EXPECT_EQ(why_unused(with_iso(without_xmp, std::string("\0\1", 2))),
+              "it needs version 1 of ISO 21496-1; Candela reads version 0");
     // Without any word about a map, another picture in the file is none.
     ASSERT_OK_AND_ASSIGN(const Image plain,
                          read_jpeg_bytes(renamed(without_xmp, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1")));
@@ -423,6 +449,41 @@ TEST(JpegReader, ExifNamesAdobeRgbAlsoInAPng) {
   }
 }
 
+TEST(JpegReader, AMapIsOfTheLightThatTheProfileSays) {
+  const std::string base = jpeg_of(8, 8, flat(90), {100, EncodedTransfer::kGamma22});
+  ASSERT_OK_AND_ASSIGN(const Image image,
+                       read_jpeg_bytes(joined(base, map_of(8, 8, true, flat(255)), stops_of(1))));
+  EXPECT_NEAR(component(image, 3, 3, 1), 2 * std::pow(90 / 255.0, 2.2), 1e-5);
+  EXPECT_EQ(image.light, PictureLight::kHdr);
+}
+
+// A profile of PQ makes HDR light by itself.
+TEST(JpegReader, AnHdrPictureHasNoUseForAMap) {
+  cmsHPROFILE profile = cmsCreate_sRGBProfile();
+  EXPECT_TRUE(
+      cmsWriteRawTag(profile, static_cast<cmsTagSignature>(0x63696370), "cicp\0\0\0\0\x09\x10\0\1", 12));
+  cmsUInt32Number size = 0;
+  cmsSaveProfileToMem(profile, nullptr, &size);
+  std::string bytes(size, '\0');
+  cmsSaveProfileToMem(profile, bytes.data(), &size);
+  cmsCloseProfile(profile);
+  const std::string pq = with(jpeg_of(8, 8, flat(90), {100, EncodedTransfer::kUnknown}),
+                              jpeg_segment(0xe2, std::string("ICC_PROFILE\0\1\1", 14) + bytes));
+  ASSERT_OK_AND_ASSIGN(const Image plain, read_jpeg_bytes(pq));
+  const std::string file = joined(pq, map_of(8, 8, true, flat(255)), stops_of(3));
+  ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file));
+  EXPECT_EQ(image.light, PictureLight::kHdr);
+  EXPECT_EQ(image.peak, plain.peak);
+  EXPECT_TRUE(same_pixels(image, plain));
+  EXPECT_TRUE(has_note(image, "its gain map is not used: its profile says PQ or HLG"));
+  // As the base of a map that makes the SDR picture, it is as bright as the map says.
+  ASSERT_OK_AND_ASSIGN(const Image base,
+                       read_jpeg_bytes(renamed(renamed(file, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1"),
+                                               "\"False\"", "\"True\" ")));
+  EXPECT_TRUE(same_pixels(base, plain));
+  EXPECT_NEAR(base.peak, 8, 1e-10);
+}
+
 // Exif's picture of the eight orientations: 24 x 16 pixels, where each block of 8 x 8 has its code.
 TEST(JpegReader, PicturesAreUpright) {
   const auto block = [](uint32_t x, uint32_t y, int) {
@@ -485,56 +546,221 @@ TEST(JpegReader, PixelsHaveAnAspect) {
 
 // Damaged, hostile and unsupported JPEG files as input.
 
-TEST(JpegReader, MetadataThatMeansNothingIsRefused) {
+TEST(JpegReader, AMapWhoseWordsMeanNothingIsNotUsed) {
   const std::string file = joined(jpeg_of(8, 8, flat(90)), map_of(8, 8, true, flat(255)), stops_of(1));
-  const auto changed = [&](size_t at, const std::string& bytes) {
-    return read_jpeg_bytes(
-        with_iso(file, std::string("\0\0\0\0\x40", 5) +
-                           std::string("\0\0\0\0\0\0\0\1\0\0\0\1\0\0\0\1", 16).substr(0, at) + bytes));
-  };
-  EXPECT_REFUSED(kInvalidArgument, "file: damaged gain map: the base's headroom of the gain map is nan",
-                 changed(4, std::string(4, '\0')));
-  EXPECT_REFUSED(kInvalidArgument, "its own picture is the HDR one", changed(0, std::string("\0\0\0\2", 4)));
-  EXPECT_REFUSED(kInvalidArgument, "its own picture is the HDR one",
-                 read_jpeg_bytes(with_iso(file, std::string("\0\0\0\0\x44", 5))));
-  EXPECT_REFUSED(kInvalidArgument, "the ISO 21496-1 metadata of the gain map ends too early",
-                 read_jpeg_bytes(with_iso(file, std::string("\0\0\0\0\xc0", 5))));
+  const std::string by_iso = without_adobe(file);
+  EXPECT_EQ(why_unused(file), "it is used");
+  EXPECT_EQ(why_unused(by_iso), "it is used");
+  EXPECT_EQ(why_unused(with_iso(by_iso, std::string("\0\0\0\0\x40\0\0\0\0\0\0\0\0", 13))),
+            "the base's headroom of the gain map is nan; it must be within 0 .. 64");
+  EXPECT_EQ(why_unused(with_iso(by_iso, std::string("\0\0\0\0\xc0", 5))),
+            "its ISO 21496-1 metadata ends too early");
+  EXPECT_EQ(why_unused(with_iso(file, std::string("\0\0\0\0\xc0", 5))), "it is used");  // by Adobe's words
   const std::string by_xmp = renamed(file, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1");
-  EXPECT_REFUSED(kInvalidArgument, "its own picture is the HDR one",
-                 read_jpeg_bytes(renamed(by_xmp, "\"False\"", "\"True\" ")));
-  EXPECT_REFUSED(kInvalidArgument, "hdrgm:GainMapMax of the gain map is not 1 or 3 numbers",
-                 read_jpeg_bytes(renamed(by_xmp, "hdrgm:GainMapMax=\"1\"", "hdrgm:GainMapMax=\"x\"")));
-  EXPECT_REFUSED(kInvalidArgument, "the gamma of the gain map is 0; it must be within 0.01 .. 100",
-                 read_jpeg_bytes(renamed(by_xmp, "hdrgm:Gamma=\"1\"", "hdrgm:Gamma=\"0\"")));
-  EXPECT_REFUSED(kInvalidArgument, "the gain map has no hdrgm:HDRCapacityMax",
-                 read_jpeg_bytes(renamed(by_xmp, "hdrgm:HDRCapacityMax", "hdrgm:hdrCapacityMax")));
+  EXPECT_EQ(why_unused(renamed(by_xmp, "hdrgm:GainMapMax=\"1\"", "hdrgm:GainMapMax=\"x\"")),
+            "its hdrgm:GainMapMax is not 1 or 3 numbers");
+  EXPECT_EQ(why_unused(renamed(by_xmp, "hdrgm:Gamma=\"1\"", "hdrgm:Gamma=\"0\"")),
+            "the gamma of the gain map is 0; it must be within 0.01 .. 100");
+  EXPECT_EQ(why_unused(renamed(by_xmp, "hdrgm:HDRCapacityMax", "hdrgm:hdrCapacityMax")),
+            "it has no hdrgm:HDRCapacityMax");
+  EXPECT_EQ(why_unused(renamed(by_xmp, "hdrgm:GainMapMax", "hdrgm:gainMapMax")),
+            "it has no hdrgm:GainMapMax");
 }
 
-TEST(JpegReader, AMapThatIsNotThereIsNamed) {
+// ISO 21496-1: with all of a display's headroom an HDR base is shown as it is.
+TEST(JpegReader, AnHdrBaseIsShownAsItIs) {
+  const std::string file = joined(jpeg_of(8, 8, flat(90)), map_of(8, 8, true, flat(255)), stops_of(1));
+  const std::string by_iso = without_adobe(file);
+  const std::string by_xmp = renamed(file, kIsoGainMap, "urn:iso:std:iso:ts:99999:-1");
+  const std::string falls("\0\0\0\0\x40\0\0\0\2\0\0\0\1", 13);
+  for (const std::string& one : {with_iso(by_iso, falls), with_iso(by_iso, std::string("\0\0\0\0\x44", 5)),
+                                 renamed(by_xmp, "\"False\"", "\"True\" ")}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(one));
+    EXPECT_NEAR(component(image, 3, 3, 1), light_of_srgb(90 / 255.0), 1e-6);
+    EXPECT_EQ(image.light, PictureLight::kSdr);
+    EXPECT_TRUE(image.has_gain_map);
+    EXPECT_TRUE(
+        has_note(image, "its own picture is the HDR one and is shown: its gain map makes the SDR one"));
+  }
+}
+
+TEST(JpegReader, TheChoiceMayBeTheBase) {
   const std::string base = jpeg_of(8, 8, flat(90));
   const std::string file = joined(base, map_of(8, 8, true, flat(255)), stops_of(1));
-  const size_t map_at = file.find("\xff\xd9\xff\xd8") + 2;
-  const std::string cut = file.substr(0, file.size() - 10);
-  EXPECT_REFUSED(kInvalidArgument,
-                 absl::StrFormat("file: damaged gain map: its MPF places a picture at bytes %d to %d; "
-                                 "the file has %d; --incomplete fill renders what is there",
-                                 map_at, file.size(), cut.size()),
-                 read_jpeg_bytes(cut));
-  ASSERT_OK_AND_ASSIGN(const Image filled, read_jpeg_bytes(cut, {.fills_gaps = true}));
-  EXPECT_NE(filled.light, PictureLight::kHdr);
-  EXPECT_TRUE(has_note(filled, "the SDR picture is shown"));
-  const std::string nowhere = renamed(renamed(file, std::string("MPF\0", 4), std::string("MPX\0", 4)),
-                                      "<Container:Item", "<Kontainer:Item");
-  ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(nowhere));
-  EXPECT_TRUE(
-      has_note(image, "the file says that it has a gain map, but it has none: the SDR picture is shown"));
-  std::string damaged = file;
-  damaged.replace(map_at + 1, 1, "\xd9");
-  EXPECT_REFUSED(kInvalidArgument, "no JPEG picture begins there", read_jpeg_bytes(damaged));
+  ASSERT_OK_AND_ASSIGN(const Image hdr, read_jpeg_bytes(file));
+  EXPECT_TRUE(hdr.has_gain_map);
+  EXPECT_NEAR(hdr.peak, 2, 1e-12);
+  for (const bool maps : {true, false}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(maps ? file : base, {.base_of_gain_map = true}));
+    EXPECT_EQ(image.has_gain_map, maps);
+    EXPECT_EQ(image.light, PictureLight::kSdr);
+    EXPECT_TRUE(image.notes.empty());
+    EXPECT_NEAR(component(image, 3, 3, 1), light_of_srgb(90 / 255.0), 1e-6);
+  }
 }
 
-// A file of `components` components in this colour space.
-std::string jpeg_in(J_COLOR_SPACE space, int components, bool progressive = false) {
+TEST(JpegReader, ALostMapLeavesTheSdrPicture) {
+  const std::string base = jpeg_of(16, 16, flat(90));
+  const std::string file = joined(base, map_of(16, 16, true, noise), stops_of(1));
+  const size_t map_at = file.find("\xff\xd9\xff\xd8") + 2;
+  EXPECT_EQ(why_unused(file.substr(0, map_at)), "the file speaks of one, and holds none");
+  EXPECT_EQ(why_unused(file.substr(0, map_at + 300)), "the file speaks of one, and holds none");
+  EXPECT_EQ(why_unused(file.substr(0, file.size() - 40)), "damaged gain map: Premature end of JPEG file");
+  EXPECT_EQ(why_unused(file.substr(0, file.size() - 2)), "it is used");  // only its end mark is missing
+  std::string damaged = file;
+  damaged.replace(map_at + 1, 1, "\xd9");
+  EXPECT_EQ(why_unused(damaged), "the file speaks of one, and holds none");
+}
+
+// An editor changed the file before the map, or what stands between it and the picture.
+TEST(JpegReader, AMapThatMovedIsFound) {
+  const std::string file = joined(jpeg_of(16, 16, flat(90)), map_of(16, 16, true, flat(255)), stops_of(1));
+  const size_t map_at = file.find("\xff\xd9\xff\xd8") + 2;
+  const std::string preview = jpeg_of(8, 8, flat(3));
+  std::string moved = file;
+  moved.insert(map_at, "other bytes" + preview + "\xff\xd8\xff");
+  const std::string nowhere = renamed(renamed(file, std::string("MPF\0", 4), std::string("MPX\0", 4)),
+                                      kItemSpace, "http://ns.google.com/photos/1.0/container/none/");
+  std::string no_end = file;
+  no_end.erase(map_at - 2, 2);
+  for (const std::string& one : {moved, nowhere, no_end}) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(one));
+    EXPECT_EQ(image.light, PictureLight::kHdr);
+    EXPECT_NEAR(component(image, 3, 3, 1), 2 * light_of_srgb(90 / 255.0), 1e-6);
+  }
+}
+
+// Files of parts: a picture and a map, each with one segment more.
+std::string xmp_segment(const std::string& inside) {
+  return jpeg_segment(0xe1, std::string("http://ns.adobe.com/xap/1.0/\0", 29) +
+                                "<x:xmpmeta xmlns:x='adobe:ns:meta/'><r:RDF "
+                                "xmlns:r='http://www.w3.org/1999/02/22-rdf-syntax-ns#'>" +
+                                inside + "</r:RDF></x:xmpmeta>");
+}
+
+TEST(JpegReader, XmpMayBeWrittenInManyWays) {
+  const std::string map = map_of(8, 8, true, flat(255));
+  const std::string space = " xmlns:h='http://ns.adobe.com/hdr-gain-map/1.0/'";
+  const auto element = [](const std::string& name, const std::string& value) {
+    return "<h:" + name + ">" + value + "</h:" + name + ">";
+  };
+  const std::string most = element("HDRCapacityMax", " 3\n") + element("OffsetSDR", "0") +
+                           element("BaseRenditionIsHDR", "False") + element("OffsetHDR", "&#48;");
+  const std::string seq = "<r:Seq><r:li>3</r:li><r:li>3</r:li><!-- --><r:li>3</r:li></r:Seq>";
+  for (const std::string& words :
+       {"<r:Description" + space + ">" + most + element("GainMapMax", "3") + "</r:Description>",
+        "<r:Description" + space + ">" + element("GainMapMax", seq) + most + "</r:Description>",
+        "<r:Description" + space + ">" + most + "</r:Description><r:Description" + space +
+            " h:GainMapMax='3'/>",
+        "<r:Description xmlns='http://ns.adobe.com/hdr-gain-map/1.0/'" + space + "><GainMapMax>" +
+            "<r:Description><r:value>3</r:value></r:Description></GainMapMax>" + most + "</r:Description>"}) {
+    const std::string words_of_map = with(map, xmp_segment(words));
+    const auto light = [&](const std::string& directory) {
+      const std::string base = with(jpeg_of(8, 8, flat(90)), xmp_segment(directory));
+      const absl::StatusOr<Image> image = read_jpeg_bytes(base + "padding" + words_of_map);
+      EXPECT_OK(image);
+      return image.ok() ? component(*image, 3, 3, 1) : 0;
+    };
+    EXPECT_NEAR(light(""), 8 * light_of_srgb(90 / 255.0), 1e-5) << words;
+  }
+}
+
+// Adobe's words in the file's own picture; only the directory leads to the map, in attributes or elements.
+TEST(JpegReader, AMapWithoutWordsHasThoseOfThePicture) {
+  const std::string own =
+      " xmlns:h='http://ns.adobe.com/hdr-gain-map/1.0/' h:Version='1.0' h:GainMapMax='3' "
+      "h:HDRCapacityMax='3' "
+      "h:OffsetSDR='0' h:OffsetHDR='0' xmlns:c='http://ns.google.com/photos/1.0/container/' xmlns:i='" +
+      std::string(kItemSpace) + "'";
+  const std::string attributes =
+      "<r:li r:parseType='Resource'><c:Item i:Semantic='Primary' i:Mime='image/jpeg' i:Padding='7'/></r:li>"
+      "<r:li r:parseType='Resource'><c:Item i:Semantic='GainMap' i:Mime='image/jpeg'/></r:li>";
+  const std::string elements =
+      "<r:li><c:Item r:parseType='Resource'><i:Padding>7</i:Padding><i:Semantic>Primary</i:Semantic></c:Item>"
+      "</r:li><r:li><r:Description><c:Item r:parseType='Resource'><i:Mime>image/jpeg</i:Mime>"
+      "<i:Semantic>GainMap</i:Semantic></c:Item></r:Description></r:li>";
+  const std::string map = map_of(8, 8, true, flat(255));
+  for (const std::string& items : {attributes, elements}) {
+    const std::string base =
+        with(jpeg_of(8, 8, flat(90)), xmp_segment("<r:Description" + own + "><c:Directory><r:Seq>" + items +
+                                                  "</r:Seq></c:Directory></r:Description>"));
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(base + "padding" + map));
+    EXPECT_NEAR(component(image, 3, 3, 1), 8 * light_of_srgb(90 / 255.0), 1e-5) << items;
+    EXPECT_EQ(why_unused(base + map), "the file speaks of one, and holds none");  // not where it says
+  }
+}
+
+// Apple's maps, by "Applying Apple HDR effect to your photos".
+
+std::string big(uint32_t v, int bytes) {
+  std::string text;
+  for (int i = bytes - 1; i >= 0; --i) text += static_cast<char>(v >> 8 * i);
+  return text;
+}
+
+// An iPhone's Exif whose maker note has these thousandths as its numbers 33 and 48.
+std::string apple_exif(int of_33, int of_48, int type = 10) {
+  std::string note = std::string("Apple iOS\0\0\1MM", 14) + big(2, 2);
+  for (const uint32_t tag : {33u, 48u})
+    note += big(tag, 2) + big(static_cast<uint32_t>(type), 2) + big(1, 4) + big(tag == 33 ? 44 : 52, 4);
+  note += big(0, 4);
+  for (const int v : {of_33, of_48}) note += big(static_cast<uint32_t>(v), 4) + big(1000, 4);
+  const std::string tiff = std::string("MM\0\x2a", 4) + big(8, 4) + big(1, 2) + big(0x8769, 2) + big(4, 2) +
+                           big(1, 4) + big(26, 4) + big(0, 4) + big(1, 2) + big(0x927c, 2) + big(7, 2) +
+                           big(static_cast<uint32_t>(note.size()), 4) + big(44, 4) + big(0, 4) + note;
+  return jpeg_segment(0xe1, std::string("Exif\0\0", 6) + tiff);
+}
+
+std::string apple_map(int code, const std::string& more = "") {
+  return with(map_of(4, 4, true, flat(code)),
+              xmp_segment("<r:Description xmlns:g='http://ns.apple.com/HDRGainMap/1.0/' "
+                          "g:HDRGainMapVersion='65536'>" +
+                          more + "</r:Description>"));
+}
+
+TEST(JpegReader, AnApplesMapHasItsPublishedLight) {
+  const std::string base = jpeg_of(16, 16, flat(90));
+  const double sdr = light_of_srgb(90 / 255.0);
+  struct Case {
+    int of_33, of_48;
+    double stops;
+  };
+  for (const Case& c : {Case{0, 5, 1.7}, Case{0, 1000, 1.5}, Case{1000, 0, 3}, Case{1568, 10, 2.3},
+                        Case{1000, 1000, 2}, Case{1000, 9000, 0}, Case{999, -100, 3.8}}) {
+    const std::string file = with(base, apple_exif(c.of_33, c.of_48));
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file + apple_map(255)));
+    EXPECT_NEAR(component(image, 9, 9, 1) / sdr, std::exp2(c.stops), 1e-5) << c.of_33 << ' ' << c.of_48;
+    EXPECT_NEAR(image.peak, std::exp2(c.stops), 1e-10);
+    EXPECT_EQ(image.light, PictureLight::kHdr);
+    ASSERT_OK_AND_ASSIGN(const Image half, read_jpeg_bytes(file + apple_map(128)));
+    const double gain = std::pow((128 / 255.0 + 0.099) / 1.099, 1 / 0.45);
+    EXPECT_NEAR(component(half, 9, 9, 1) / sdr, 1 + (std::exp2(c.stops) - 1) * gain, 1e-5);
+    ASSERT_OK_AND_ASSIGN(const Image dark, read_jpeg_bytes(file + apple_map(10)));
+    EXPECT_NEAR(component(dark, 9, 9, 1) / sdr, 1 + (std::exp2(c.stops) - 1) * 10 / 255 / 4.5, 1e-5);
+  }
+  // A later one names its headroom.
+  const std::string named = "<g:HDRGainMapHeadroom>4.532783</g:HDRGainMapHeadroom>";
+  ASSERT_OK_AND_ASSIGN(const Image image,
+                       read_jpeg_bytes(with(base, apple_exif(1000, 0)) + apple_map(255, named)));
+  EXPECT_NEAR(image.peak, 4.532783, 1e-10);
+  EXPECT_NEAR(component(image, 0, 0, 2) / sdr, 4.532783, 1e-5);
+}
+
+TEST(JpegReader, AnApplesMapNeedsItsHeadroom) {
+  const std::string base = jpeg_of(16, 16, flat(90));
+  for (const std::string& file :
+       {base + apple_map(255), with(base, apple_exif(1000, 0, 9)) + apple_map(255),
+        base + apple_map(255, "<g:HDRGainMapHeadroom>0.5</g:HDRGainMapHeadroom>"),
+        base + apple_map(255, "<g:HDRGainMapHeadroom>inf</g:HDRGainMapHeadroom>")}) {
+    EXPECT_TRUE(says(why_unused(file), "Apple's kind of map needs a headroom"));
+  }
+  EXPECT_TRUE(says(why_unused(with(base, apple_exif(1000, -9000000)) + apple_map(255)), "headroom"));
+}
+
+// A square of `components` components in this colour space.
+std::string jpeg_in(J_COLOR_SPACE space, int components,
+                    const std::function<void(jpeg_compress_struct&)>& change = {}, uint32_t side = 8,
+                    const CodeAt& code = flat(90)) {
   jpeg_compress_struct codec{};
   jpeg_error_mgr errors{};
   codec.err = jpeg_std_error(&errors);
@@ -542,14 +768,21 @@ std::string jpeg_in(J_COLOR_SPACE space, int components, bool progressive = fals
   unsigned char* bytes = nullptr;
   unsigned long size = 0;
   jpeg_mem_dest(&codec, &bytes, &size);
-  codec.image_width = codec.image_height = 8;
+  codec.image_width = codec.image_height = side;
   codec.input_components = components;
   codec.in_color_space = space;
   jpeg_set_defaults(&codec);
-  if (progressive) jpeg_simple_progression(&codec);
+  if (change) change(codec);
   jpeg_start_compress(&codec, TRUE);
-  std::vector<unsigned char> row(static_cast<size_t>(8 * components), 90);
-  for (JSAMPROW at = row.data(); codec.next_scanline < 8;) jpeg_write_scanlines(&codec, &at, 1);
+  std::vector<unsigned char> row;
+  for (uint32_t y = 0; y < side; ++y) {
+    row.clear();
+    for (uint32_t x = 0; x < side; ++x) {
+      for (int c = 0; c < components; ++c) row.push_back(static_cast<unsigned char>(code(x, y, c)));
+    }
+    JSAMPROW at = row.data();
+    jpeg_write_scanlines(&codec, &at, 1);
+  }
   jpeg_finish_compress(&codec);
   jpeg_destroy_compress(&codec);
   const std::string file(reinterpret_cast<char*>(bytes), size);
@@ -557,16 +790,18 @@ std::string jpeg_in(J_COLOR_SPACE space, int components, bool progressive = fals
   return file;
 }
 
+void progressive(jpeg_compress_struct& codec) { jpeg_simple_progression(&codec); }
+
 TEST(JpegReader, OtherColoursAreRefusedByName) {
   EXPECT_REFUSED(kInvalidArgument, "file: the picture has 2 components; Candela reads grey and RGB",
                  read_jpeg_bytes(jpeg_in(JCS_UNKNOWN, 2)));
-  EXPECT_REFUSED(kInvalidArgument, "file: the gain map is in CMYK",
-                 read_jpeg_bytes(joined(jpeg_of(8, 8, flat(1)), jpeg_in(JCS_CMYK, 4), stops_of(1))));
+  EXPECT_TRUE(says(why_unused(joined(jpeg_of(8, 8, flat(1)), jpeg_in(JCS_CMYK, 4), stops_of(1))),
+                   "the gain map is in CMYK"));
 }
 
 // Each scan takes the time of the whole picture.
 TEST(JpegReader, ScansAreCounted) {
-  const std::string file = jpeg_in(JCS_RGB, 3, true);
+  const std::string file = jpeg_in(JCS_RGB, 3, progressive);
   ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file));
   EXPECT_NEAR(component(image, 7, 7, 1), 0.1022, 1e-3);  // of code 90
   const size_t last = file.rfind("\xff\xda");
@@ -580,18 +815,14 @@ TEST(JpegReader, LimitsHoldBeforeMemoryIsTaken) {
   const std::string base = jpeg_of(40, 8, flat(1)), map = map_of(64, 8, true, flat(1));
   EXPECT_REFUSED(kResourceExhausted, "the image is 40x8 pixels; the limit is 32 on a side",
                  read_jpeg_bytes(base, {}, {.max_dimension = 32}));
-  EXPECT_REFUSED(kResourceExhausted, "the gain map is 64x8 pixels; the limit is 48 on a side",
-                 read_jpeg_bytes(joined(base, map, stops_of(1)), {}, {.max_dimension = 48}));
+  EXPECT_TRUE(says(why_unused(joined(base, map, stops_of(1)), {.max_dimension = 48}),
+                   "the gain map is 64x8 pixels; the limit is 48 on a side"));
   EXPECT_REFUSED(kResourceExhausted, "--max-pixels allows 100",
                  read_jpeg_bytes(base, {}, {.max_pixels = 100}));
   // The size of the frame, 65000 x 65000, is all that is wrong.
   std::string huge = base;
   huge.replace(huge.find("\xff\xc0") + 5, 4, "\xfd\xe8\xfd\xe8");
   EXPECT_REFUSED(kResourceExhausted, "file: the image is 65000x65000 pixels", read_jpeg_bytes(huge));
-}
-
-int noise(uint32_t x, uint32_t y, int c) {
-  return static_cast<int>((x * 97 + y * 57 + x * y * 31 + 80 * c) % 256);
 }
 
 TEST(JpegReader, AnUnfinishedFileIsNamed) {
@@ -607,8 +838,109 @@ TEST(JpegReader, AnUnfinishedFileIsNamed) {
   EXPECT_REFUSED(kInvalidArgument, "damaged JPEG file", read_jpeg_bytes(file.substr(0, 30)));
   EXPECT_REFUSED(kInvalidArgument, "file: damaged JPEG file: the file ends before its first scan",
                  read_jpeg_bytes(std::string("\xff\xd8\xff\xe0\0\2", 6)));
-  // Without its last two bytes only the end is missing.
-  EXPECT_REFUSED(kInvalidArgument, "damaged JPEG file", read_jpeg_bytes(file.substr(0, file.size() - 2)));
+}
+
+TEST(JpegReader, WithoutItsEndMarkAPictureIsWhole) {
+  const auto of_three_scans = [](jpeg_compress_struct& codec) {
+    static constexpr jpeg_scan_info kScans[] = {
+        {1, {0}, 0, 63, 0, 0}, {1, {1}, 0, 63, 0, 0}, {1, {2}, 0, 63, 0, 0}};
+    codec.scan_info = kScans;
+    codec.num_scans = 3;
+  };
+  const auto with_restarts = [](jpeg_compress_struct& codec) { codec.restart_interval = 2; };
+  for (const std::function<void(jpeg_compress_struct&)>& kind :
+       {std::function<void(jpeg_compress_struct&)>(), {of_three_scans}, {progressive}, {with_restarts}}) {
+    const std::string file = jpeg_in(JCS_RGB, 3, kind, 40, noise);
+    ASSERT_OK_AND_ASSIGN(const Image whole, read_jpeg_bytes(file));
+    for (const bool fills_gaps : {true, false}) {
+      ASSERT_OK_AND_ASSIGN(const Image image,
+                           read_jpeg_bytes(file.substr(0, file.size() - 2), {.fills_gaps = fills_gaps}));
+      EXPECT_TRUE(same_pixels(image, whole));
+      EXPECT_EQ(image.missing_pixels, 0u);
+      EXPECT_TRUE(image.notes.empty());
+    }
+    // Without its last scan, and in the middle of it, it is not.
+    for (const size_t size : {file.rfind("\xff\xda"), file.size() - 30}) {
+      EXPECT_REFUSED(kInvalidArgument, "file: damaged JPEG file: ", read_jpeg_bytes(file.substr(0, size)));
+    }
+  }
+  // Of an arithmetic code nobody knows.
+  const auto arithmetic = [](jpeg_compress_struct& codec) { codec.arith_code = TRUE; };
+  const std::string file = jpeg_in(JCS_RGB, 3, arithmetic, 40, noise);
+  ASSERT_OK_AND_ASSIGN(const Image whole, read_jpeg_bytes(file));
+  EXPECT_REFUSED(kInvalidArgument, "Premature end of JPEG file; --incomplete fill",
+                 read_jpeg_bytes(file.substr(0, file.size() - 2)));
+}
+
+// As sharp as the scans that are there make it.
+TEST(JpegReader, AnUnfinishedProgressivePictureIsFilledIn) {
+  const auto smooth = [](uint32_t x, uint32_t y, int c) { return static_cast<int>(40 + 3 * x + y + 9 * c); };
+  const std::string file = jpeg_in(JCS_RGB, 3, progressive, 40, smooth);
+  ASSERT_OK_AND_ASSIGN(const Image whole, read_jpeg_bytes(file));
+  const size_t second = file.find("\xff\xda", file.find("\xff\xda") + 2);
+  for (const size_t size : {second, file.rfind("\xff\xda"), file.size() - 4}) {
+    const std::string cut = file.substr(0, size);
+    EXPECT_REFUSED(kInvalidArgument, "Premature end of JPEG file; --incomplete fill", read_jpeg_bytes(cut));
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(cut, {.fills_gaps = true}));
+    EXPECT_EQ(image.missing_pixels, 0u);
+    EXPECT_TRUE(has_note(image, "Premature end of JPEG file; detail or colour of later scans is missing"));
+    for (uint32_t i = 0; i < 40; ++i) {
+      EXPECT_NEAR(component(image, i, 39 - i, 1), component(whole, i, 39 - i, 1), 0.05) << i;
+    }
+  }
+  // In the middle of a segment between two scans.
+  ASSERT_OK_AND_ASSIGN(const Image first, read_jpeg_bytes(file.substr(0, second - 5), {.fills_gaps = true}));
+  EXPECT_EQ(first.missing_pixels, 0u);
+  // The rows of blocks that the first scan has.
+  const std::string other = jpeg_in(JCS_RGB, 3, progressive, 64, noise);
+  ASSERT_OK_AND_ASSIGN(const Image part,
+                       read_jpeg_bytes(other.substr(0, other.find("\xff\xda") + 30), {.fills_gaps = true}));
+  EXPECT_GT(part.missing_pixels, 0u);
+  EXPECT_EQ(part.missing_pixels % (16 * 64), 0u);  // its blocks have 16 rows
+  EXPECT_EQ(component(part, 0, 0, 3), 1);
+  EXPECT_EQ(component(part, 0, 63, 3), 0);
+}
+
+// What there is of an unfinished picture has the pixels of the whole one.
+TEST(JpegReader, EveryRowThatIsThereIsFilledIn) {
+  const std::string file = jpeg_of(40, 40, noise);
+  ASSERT_OK_AND_ASSIGN(const Image whole, read_jpeg_bytes(file));
+  uint64_t before = 40 * 40;
+  for (size_t size = file.size() / 3; size < file.size(); size += 11) {
+    ASSERT_OK_AND_ASSIGN(const Image image, read_jpeg_bytes(file.substr(0, size), {.fills_gaps = true}));
+    EXPECT_LE(image.missing_pixels, before);
+    before = image.missing_pixels;
+    const uint32_t rows = 40 - static_cast<uint32_t>(image.missing_pixels / 40);
+    EXPECT_EQ(rows % 8, 0u);
+    for (uint32_t y = 0; y < 40; ++y) EXPECT_EQ(component(image, 7, y, 3), y < rows) << y;
+    for (uint32_t y = 0; y < rows; ++y) EXPECT_EQ(component(image, 7, y, 1), component(whole, 7, y, 1));
+  }
+  EXPECT_LE(before, 40u * 8);
+}
+
+TEST(JpegReader, OtherKindsAreRefusedByName) {
+  const std::string file = jpeg_of(8, 8, flat(90));
+  const auto frame = [&](char marker, char bits) {
+    std::string other = file;
+    other[file.find("\xff\xc0") + 1] = marker;
+    other[file.find("\xff\xc0") + 4] = bits;
+    return read_jpeg_bytes(other);
+  };
+  EXPECT_REFUSED(kInvalidArgument,
+                 "file: this is a JPEG of 12 bits; Candela reads baseline and progressive JPEGs of 8 bits; "
+                 "convert it to PNG",
+                 frame('\xc1', 12));
+  EXPECT_REFUSED(kInvalidArgument, "file: this is a lossless JPEG of 16 bits", frame('\xc3', 16));
+  EXPECT_REFUSED(kInvalidArgument, "file: this is a hierarchical JPEG of 8 bits", frame('\xc5', 8));
+  EXPECT_REFUSED(kInvalidArgument, "file: this is a JPEG-LS file of 8 bits", frame('\xf7', 8));
+  const std::string box("\0\0\0\x0c", 4);
+  for (const std::string& jp2 : {box + "jP  \r\n\x87\n", std::string("\xff\x4f\xff\x51\0\0", 6)}) {
+    EXPECT_REFUSED(kInvalidArgument, "file: Candela does not read JPEG 2000; convert it to PNG or AVIF",
+                   read_jpeg_bytes(jp2));
+  }
+  for (const std::string& jxl : {box + "JXL \r\n\x87\n", std::string("\xff\x0a\x12")}) {
+    EXPECT_REFUSED(kInvalidArgument, "file: Candela does not read JPEG XL", read_jpeg_bytes(jxl));
+  }
 }
 
 TEST(JpegReader, SurvivesAnyDamage) {
@@ -618,7 +950,9 @@ TEST(JpegReader, SurvivesAnyDamage) {
           with(jpeg_of(17, 9, noise),
                jpeg_segment(0xe1, std::string("Exif\0\0MM\0\x2a\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1\0\6", 26) +
                                       std::string(6, '\0'))),
-          map_of(17, 9, false, noise), three_channels())};
+          map_of(17, 9, false, noise), three_channels()),
+      with(jpeg_of(16, 8, noise), apple_exif(1000, 5)) + apple_map(77),
+      jpeg_in(JCS_RGB, 3, progressive, 24, noise)};
   bool fills_gaps = false;
   const auto try_it = [&fills_gaps](const std::string& bytes) {
     fills_gaps = !fills_gaps;

@@ -76,6 +76,23 @@ std::vector<Rgbe> marked_line(int width, int y) {
   return line;
 }
 
+// Radiance's own programs read any text before an empty line that has a FORMAT.
+TEST_F(RadianceReader, TextMayStandBeforeItsKind) {
+  const std::string rest = "FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n";
+  const std::string pixel = bytes({128, 64, 32, 129});
+  for (const std::string& before :
+       {std::string("#?RADIANCE\n"), std::string("\n#?RADIANCE\n"), std::string("Photo by me\n\r\n#?RGBE\n"),
+        std::string("# caf\xc3\xa9\n\n"), std::string()}) {
+    EXPECT_EQ(component(good(before + rest, pixel), 0, 0, 0), 1) << before;
+  }
+  EXPECT_EQ(component(good("EXPOSURE=2\n#?RADIANCE\n" + rest, pixel), 0, 0, 0), 0.5);
+  for (const std::string& before :
+       {std::string("\0\n#?RADIANCE\n", 13), std::string(300, ' ') + "\n#?RADIANCE\n",
+        std::string("x#?RADIANCE\nFORM=\n")}) {
+    EXPECT_TRUE(says(error(before + "\n-Y 1 +X 1\n", pixel), "not an OpenEXR, Radiance, PFM, PNG")) << before;
+  }
+}
+
 TEST_F(RadianceReader, ScalesByTheExponentWithoutTheHalf) {
   const Image image = good(header("", "-Y 1 +X 4"),
                            bytes({128, 64, 32, 129, 255, 1, 0, 255, 200, 100, 50, 0, 255, 254, 253, 1}));
