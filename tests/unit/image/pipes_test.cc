@@ -625,7 +625,7 @@ TEST(PipedFrames, AVideoIsWithinHalfACodeOfFloat64) {
       // Half a code is the rounding; the codes of 16 bits are the rest.
       EXPECT_LE(most, bits == 8 ? 0.503 : 0.508) << bits;
       RecordProperty((kind == PipeKind::kY4m420 ? "most_420_" : "most_444_") + std::to_string(bits) +
-                         (format.matrix ? absl::StrCat("_", format.matrix->name) : ""),
+                         (format.matrix ? absl::StrCat("_", format.matrix->code) : ""),
                      std::to_string(most));
       printf("%s, %d bits%s: at most %.4f codes\n", kind == PipeKind::kY4m420 ? "4:2:0" : "4:4:4", bits,
              format.matrix ? absl::StrCat(", ", format.matrix->name).c_str() : "", most);
