@@ -449,7 +449,7 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
   add_text(
       app, kInputSection, "--input-transfer", "NAME",
       absl::StrFormat("How the image's values stand for light, whatever the file says: %s (default: as it "
-                      "says, else srgb of PNG, AVIF, JPEG and y4m, linear of others)",
+                      "says, else srgb of PNG, AVIF, JPEG, y4m and TIFF of integers, linear of others)",
                       words_of_rows(kTransferWords)),
       [&shown](const std::string& word) {
         ASSIGN_OR_RETURN(const TransferWord row, row_of("--input-transfer", kTransferWords, word));

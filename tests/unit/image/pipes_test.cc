@@ -179,7 +179,7 @@ TEST_F(ImageStreams, ABrokenFrameIsNamedByItsNumber) {
   EXPECT_EQ(failure("PF"),
             "pipe, frame 1: its PFM header is not 'PF', 'PF4' or 'Pf', width, height and "
             "scale, each followed by white space");
-  EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file");
+  EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF file");
   EXPECT_TRUE(failure(good + "PF\n#" + std::string(9999, ' ')).starts_with("pipe, frame 2: its PFM header"));
   EXPECT_TRUE(
       failure("#?RADIANCE\n").starts_with("pipe, frame 1: a Radiance file does not say where it ends"));
