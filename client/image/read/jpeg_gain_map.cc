@@ -333,7 +333,7 @@ void GainMap::describe(Image& image) const {
   absl::StrAppend(&image.signal, ", gain map of ",
                   in_digits(metadata_.headroom_hdr_log2 - metadata_.headroom_base_log2, 2), " stops");
   image.notes.push_back(
-      "gain map: 1 is reference white; exposure is 0 EV and there is no bloom unless they are given");
+      absl::StrFormat("gain map: 1 is reference white, and the picture's peak %s", in_digits(peak_, 3)));
 }
 
 void GainMap::apply(uint32_t width, uint32_t y, float* light) const {

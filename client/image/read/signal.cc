@@ -66,15 +66,16 @@ std::array<double, 3> luminance_of(const std::array<float, 8>& xy) {
 
 void note_display_light(const Signal& signal, double hlg_peak, Image& image) {
   if (!is_display_light(signal.transfer)) return;
-  constexpr double kUsualPeak = 1000;  // nit, of a PQ picture that does not say it
+  // In nit. A PQ picture that names PQ's own peak names none.
+  constexpr double kUsualPeak = 1000, kPqPeak = 10000;
+  const bool named = signal.max_light_nits > 0 && signal.max_light_nits < kPqPeak;
   const double peak = signal.transfer == SignalTransfer::kHlg ? hlg_peak
-                      : signal.max_light_nits > 0             ? signal.max_light_nits
+                      : named                                 ? signal.max_light_nits
                                                               : kUsualPeak;
   image.light = PictureLight::kHdr;
   image.peak = std::max(peak / kReferenceWhiteNits, 1.0);
-  image.notes.push_back(absl::StrFormat(
-      "%s: 1 is reference white, 203 nit; exposure is 0 EV and there is no bloom unless they are given",
-      name(signal)));
+  image.notes.push_back(absl::StrFormat("%s: 1 is reference white, 203 nit, and the picture's peak %s nit",
+                                        name(signal), in_digits(image.peak * kReferenceWhiteNits, 4)));
 }
 
 // The transfers of H.273 with one function: kGamma has the power.
