@@ -326,8 +326,9 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {render({"more"}),
-            "out.png is no image that candela can read (OpenEXR, Radiance, "
-            "PFM, PNG, AVIF, JPEG or TIFF), and the last argument, more, is"},
+            "out.png is no image that candela can read (OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF), "
+            "and "
+            "the last argument, more, is"},
            {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
            {{"render", "in.exr", "out/", "--as", "jpgg"}, "did you mean jpg?"},
            {{"render", "in.exr", "out/", "--as", "jpg", "--bits", "16"}, "--bits 16 is for .png"},

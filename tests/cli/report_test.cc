@@ -213,11 +213,11 @@ TEST_F(Report, InfoDescribesFiles) {
   EXPECT_EQ(file.at("error"), nullptr);
   EXPECT_EQ(file.at("parts").at(0).at("channels").at(0),
             nlohmann::json({{"name", "B"}, {"type", "half"}, {"x_sampling", 1}, {"y_sampling", 1}}));
-  const Outcome several = candela({"info", in_, folder_.path("missing.exr"), in_});
+  const Outcome several = candela({"info", folder_.path("missing.exr"), in_, in_});
   EXPECT_EQ(several.code, 3);
-  EXPECT_EQ(several.out, text.out + text.out);
+  EXPECT_EQ(several.out, text.out) << "each file once";
   EXPECT_TRUE(says(several.err, "missing.exr: cannot read"));
-  EXPECT_TRUE(says(several.err, "1 of 3 files cannot be described"));
+  EXPECT_TRUE(says(several.err, "1 of 2 files cannot be described"));
 }
 
 TEST_F(Report, QuietSaysNothing) {

@@ -345,14 +345,14 @@ TEST_F(Slips, AColourCodeAsBackgroundIsShownAsLight) {
   expect_line(render({"--background", "#ff00"}), 2, "it must be 3 numbers separated by commas");
 }
 
-TEST_F(Slips, OnlyRenderAndStreamTakePipes) {
+TEST_F(Slips, OnlyRenderStreamAndInfoTakePipes) {
   const std::string folder = folder_.path("frames"),
                     read = "IN is \"-\", but images cannot be read from a pipe";
   expect_line({"render", in_, "-", folder + "/"}, 2, "IN is \"-\" beside others");
   expect_line({"meter", "-"}, 2, read);
   expect_line({"view", "-", out_}, 2, read);
   expect_line({"environment", "-", folder_.path("sky.ktx2")}, 2, read);
-  expect_line({"info", "-"}, 2, read);
+  expect_line({"info", in_, "-"}, 2, "IN is \"-\" beside others");
   expect_line({"report", folder, "--images", "-"}, 2, read);
   for (const std::string pipe : {"-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"}) {
     const std::string written =
@@ -399,7 +399,7 @@ TEST_F(Slips, FilesInAWrongPlaceAreSeen) {
   expect_line({"render", in_, ""}, 2, "OUT is empty; give a file");
   expect_line({"render", in_, out_, "--ocio", in_}, 3, "it is an image; --ocio takes a configuration");
   expect_line({"render", folder, out_}, 2, "several images need a folder");
-  expect_line({"info", folder}, 3, "this is a folder; name an image file in it");
+  expect_line({"info", folder}, 3, "folder: there is no .exr, .hdr");
   expect_line({"stream", folder, out_}, 2, "out.png is a single file; give a folder");
   expect_line({"report", in_}, 5, in_ + ": cannot write: Not a directory");
   EXPECT_EQ(candela({"view", in_, out_, "--size", "32X16", "-q"}).code, 0);
