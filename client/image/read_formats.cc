@@ -21,8 +21,9 @@ std::string with_or(std::vector<absl::string_view> words) {
 
 const std::vector<ReadFormat>& read_formats() {
   static const std::vector<ReadFormat> formats = {
-      {"OpenEXR", {".exr"}}, {"Radiance", {".hdr"}}, {"PFM", {".pfm", ".phm"}},
-      {"PNG", {".png"}},     {"AVIF", {".avif"}},    {"JPEG", {".jpg", ".jpeg", ".jfif"}}};
+      {"OpenEXR", {".exr"}},      {"Radiance", {".hdr"}}, {"PFM", {".pfm", ".phm"}},
+      {"PNG", {".png"}},          {"AVIF", {".avif"}},    {"JPEG", {".jpg", ".jpeg", ".jfif"}},
+      {"TIFF", {".tif", ".tiff"}}};
   return formats;
 }
 

@@ -22,9 +22,9 @@ const ReadFormat* read_format_of(const std::string& path);
 // The extension of the file's name in lower case, with its dot; "" without one.
 std::string extension_of(const std::string& path);
 
-// "OpenEXR, Radiance, PFM, PNG, AVIF or JPEG"
+// "OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF"
 std::string read_format_names();
-// ".exr, .hdr, .pfm, .phm, .png, .avif, .jpg, .jpeg or .jfif"
+// ".exr, .hdr, .pfm, .phm, .png, .avif, .jpg, .jpeg, .jfif, .tif or .tiff"
 std::string read_extensions();
 
 }  // namespace candela

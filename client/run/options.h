@@ -62,6 +62,7 @@ struct PictureOptions {
   // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
   bool ignore_empty_alpha = false;
   PictureDefaults defaults;      // as they are in `settings`
+  std::string sdr;              // --sdr: "base" or "curve"; "": base, unless the settings ask for a look
   bool scene_light = false;      // a picture of a display is taken as light of a scene
   bool names_primaries = false;  // the output's files can name any primaries
   std::string stdout_kind;       // the extension of an image that goes to standard output

@@ -294,7 +294,8 @@ void choose_curve(double peak, v1::Settings& settings) {
   const bool chosen = settings.curve() != v1::TONE_CURVE_UNSPECIFIED;
   const double display = display_peak(settings);
   if (!chosen) {
-    settings.set_curve(peak <= display                      ? v1::TONE_CURVE_LINEAR
+    constexpr double kRoundings = 1.001;  // of a peak that a file says
+    settings.set_curve(peak <= kRoundings * display         ? v1::TONE_CURVE_LINEAR
                        : is_hdr(encoded_transfer(settings)) ? v1::TONE_CURVE_BT2390
                                                             : v1::TONE_CURVE_SHOULDER);
   }

@@ -698,6 +698,14 @@ absl::StatusOr<OutputNames> OutputNames::parse(const std::string& output, const 
   return names;
 }
 
+bool OutputNames::may_name(const std::string& path) const {
+  if (!pattern_) return false;
+  const std::string normal = fs::path(path).lexically_normal().string();
+  const std::string before = fs::path(pattern_->before).lexically_normal().string();
+  return absl::StartsWith(normal, before) && absl::EndsWith(normal, pattern_->after) &&
+         number_between(normal, before.size(), pattern_->after.size()).has_value();
+}
+
 std::string OutputNames::path(int64_t number, const std::string& input) const {
   if (pattern_) return pattern_->path(number);
   const std::string stem = input.empty() ? absl::StrFormat("%04d", number) : fs::path(input).stem().string();

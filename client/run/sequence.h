@@ -175,6 +175,9 @@ class OutputNames {
   // the number if it is empty. A pattern ignores `input`.
   std::string path(int64_t number, const std::string& input) const;
 
+  // Whether the pattern gives this path for some number. False of a folder.
+  bool may_name(const std::string& path) const;
+
   // Whether a number below 0 is one for those who read its name (see NamePattern). True of a folder.
   bool keeps_sign() const { return !pattern_ || pattern_->keeps_sign(); }
 

@@ -84,6 +84,19 @@ absl::Status check_outputs(const StreamOptions& options, const Sequence& sequenc
   return check_outputs_apart(inputs, outputs);
 }
 
+// Images of an earlier run beside the frames: then the names of all have no number in common.
+absl::Status check_no_image_is_read(const Sequence& sequence, const std::optional<OutputNames>& names) {
+  if (sequence.names || !names) return absl::OkStatus();
+  for (const auto& [number, path] : sequence.files) {
+    if (!names->may_name(path)) continue;
+    return usage_error(absl::StrFormat(
+        "%s looks like an image of OUT; write to another folder, or give a pattern such as in/f.%%04d.exr as "
+        "IN",
+        path));
+  }
+  return absl::OkStatus();
+}
+
 // The minus of the first image will be read as a hyphen.
 std::string sign_note(const OutputNames& names, const NamedImage& first) {
   return absl::StrFormat(
@@ -122,6 +135,7 @@ absl::StatusOr<StreamPlan> plan_stream(const StreamOptions& options, const ShotE
         absl::NotFoundError(absl::StrFormat(
             "--range %s: there is no such frame to meter; give another --range", to_text(choice.range))));
   }
+  RETURN_IF_ERROR(check_no_image_is_read(plan.sequence, plan.names));
   plan.images = named_images(plan.sequence, plan.names, options.first);
   if (plan.names && !plan.names->keeps_sign() && options.first.value_or(plan.images.front().number) < 0) {
     plan.sequence.notes.push_back(sign_note(*plan.names, plan.images.front()));

@@ -326,8 +326,8 @@ TEST(Usage, EveryWrongUseNamesWhatWouldBeRight) {
            {{"render", "a.exr", "b.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {{"render", "in/*.exr", "c.png"}, "c.png is one file; several images need a folder"},
            {render({"more"}),
-            "out.png is no image that candela can read (OpenEXR, Radiance "
-            ".hdr, PFM, PNG, AVIF, JPEG), and the last argument, more, is"},
+            "out.png is no image that candela can read (OpenEXR, Radiance, "
+            "PFM, PNG, AVIF, JPEG or TIFF), and the last argument, more, is"},
            {render({"--as", "jpg"}), "--as jpg is for images in a folder"},
            {{"render", "in.exr", "out/", "--as", "jpgg"}, "did you mean jpg?"},
            {{"render", "in.exr", "out/", "--as", "jpg", "--bits", "16"}, "--bits 16 is for .png"},
@@ -408,7 +408,7 @@ TEST_F(Failure, InputsThatAreNoImageAreNamed) {
            {"/dev/zero", "not a regular file"},
            {file("empty.exr", ""), "empty"},
            {file("text.exr", "this is not an image at all\n"),
-            "not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file"},
+            "not an OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF file"},
            {file("cut.exr", whole.substr(0, whole.size() / 2)), "unfinished or cut off"},
            {file("magic.exr", whole.substr(0, 4)), "OpenEXR"},
            {file("damaged.exr", damaged), "damaged"},

@@ -281,6 +281,26 @@ TEST_F(HdrPicture, AnHdrDisplayThatShowsItsPeakShowsAllOfIt) {
             "bt2390");
 }
 
+// By default a picture with a gain map is the SDR picture in its file.
+TEST_F(HdrPicture, OfAPictureWithAGainMapItsBaseIsShown) {
+  const std::string in = path("map.jpg"), base = path("base.jpg");
+  ASSERT_EQ(candela({"render", in_, in, "--gain-map", "1000", "--curve", "agx", "-q"}).code, 0);
+  ASSERT_EQ(candela({"render", in_, base, "--curve", "agx", "-q"}).code, 0);
+  auto report = candela_json({"render", in, path("out.png")});
+  EXPECT_EQ(report["curve"], "linear");
+  expect_same_codes(path("out.png"), base);
+  for (const std::vector<std::string>& look :
+       {std::vector<std::string>{"--sdr", "curve"}, {"--exposure", "0"}, {"--curve", "shoulder"}}) {
+    EXPECT_EQ(candela_json(with({"render", in, path("out.png")}, look))["curve"], "shoulder");
+  }
+  EXPECT_EQ(candela_json({"render", in, path("out.png"), "--exposure", "0", "--sdr", "base"})["curve"],
+            "linear");
+  EXPECT_EQ(candela_json({"render", in, path("out.png"), "--transfer", "pq"})["curve"], "linear");
+  const auto light = read_image(in);
+  ASSERT_OK(light);
+  EXPECT_EQ(light->light, PictureLight::kHdr);
+}
+
 // Every command that shows pictures leaves them as they are.
 TEST_F(FinishedPicture, OtherCommandsFollow) {
   const std::string in = picture("png");

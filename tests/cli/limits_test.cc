@@ -158,7 +158,7 @@ TEST_F(Limits, AnInputThatIsNoImageIsOneLine) {
            {"/dev/urandom", no_file},
            {"/dev/stdin", no_file},
            {"/proc/self/mem", "cannot read: Input/output error"},
-           {"/proc/self/maps", "not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file"},
+           {"/proc/self/maps", "not an OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF file"},
            {loop, "Too many levels of symbolic links"},
            {std::string(5000, 'a'), "File name too long"}}) {
     expect_failure(candela({"render", path, out_, "-q"}), words, 3);

@@ -377,6 +377,13 @@ TEST_F(Folder, OutputsAreNeverReadAgain) {
   const Outcome mixed = candela({"stream", in(""), in("%04d.png")});
   EXPECT_EQ(mixed.code, 3);
   EXPECT_TRUE(says(mixed.err, "a sequence is of one format; --only ")) << mixed.err;
+  const std::string film = folder_.path("film");
+  ASSERT_EQ(candela({"sample", "--sequence", film, "--frames", "2", "--size", "8x8", "-q"}).code, 0);
+  const std::vector<std::string> beside = {"stream", film, film + "/out_%04d.exr", "-q", "--first", "90"};
+  ASSERT_EQ(candela(beside).code, 0);
+  const Outcome again_beside = candela(beside);
+  EXPECT_EQ(again_beside.code, 2);
+  EXPECT_TRUE(says(again_beside.err, "out_0090.exr looks like an image of OUT")) << again_beside.err;
 }
 
 TEST_F(Folder, InfoDescribesFoldersPatternsAndStandardInput) {

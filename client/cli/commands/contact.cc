@@ -71,6 +71,7 @@ void add_contact_options(CLI::App& app, ContactArguments& arguments) {
   add_only_option(app, options.only);
   add_choice_options(app, options);
   add_scene_light_option(app, options);
+  add_sdr_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_view_options(app, options);
@@ -113,6 +114,8 @@ absl::Status finish_contact_options(ContactArguments& arguments) {
                                        extensions_with(&OutputEncoding::takes_8_bits)));
   }
   RETURN_IF_ERROR(finish_locked_exposure(options.locked_exposure, settings, options.previous));
+  options.names_primaries = false;
+  choose_sdr(options, !options.locked_exposure.empty());
   choose_view_defaults(options, !options.locked_exposure.empty());
   return finish_server_options(options.server);
 }

@@ -213,6 +213,7 @@ void add_render_options(CLI::App& app, RenderArguments& arguments) {
   add_only_option(app, options.only);
   add_choice_options(app, options);
   add_scene_light_option(app, options);
+  add_sdr_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_text(
@@ -254,7 +255,9 @@ absl::Status finish_render_options(RenderArguments& arguments) {
   status.Update(choose_hdr_picture(arguments.hdr_curve, options));
   status.Update(finish_previous_options(options.previous));
   status.Update(finish_locked_exposure(options.locked_exposure, options.settings, options.previous));
-  choose_view_defaults(options, !options.locked_exposure.empty() || options.previous.exposure() > 0);
+  const bool exposure_given = !options.locked_exposure.empty() || options.previous.exposure() > 0;
+  choose_sdr(options, exposure_given || options.gain_map_target);
+  choose_view_defaults(options, exposure_given);
   status.Update(check_error_map(options));
   status.Update(finish_server_options(options.server));
   return status;

@@ -190,6 +190,7 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_session_options(app, options);
   add_choice_options(app, options);
   add_scene_light_option(app, options);
+  add_sdr_option(app, options);
   add_max_pixels_option(app, options);
   add_settings_options(app, options.settings);
   add_desqueeze_option(app, options);
@@ -246,9 +247,12 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   if (!options.pipe) {
     RETURN_IF_ERROR(finish_files(arguments));
   }
+  options.names_primaries &= options.encoding == v1::ENCODING_RAW;
   RETURN_IF_ERROR(finish_exposure_options(options));
-  choose_view_defaults(
-      options, !options.exposures.empty() || !options.locked_exposure.empty() || !options.state.empty());
+  const bool exposure_given =
+      !options.exposures.empty() || !options.locked_exposure.empty() || !options.state.empty();
+  choose_sdr(options, exposure_given);
+  choose_view_defaults(options, exposure_given);
   return finish_server_options(options.server);
 }
 

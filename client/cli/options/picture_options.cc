@@ -449,7 +449,7 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
   add_text(
       app, kInputSection, "--input-transfer", "NAME",
       absl::StrFormat("How the image's values stand for light, whatever the file says: %s (default: as it "
-                      "says, else srgb of PNG, AVIF, JPEG and y4m, linear of others)",
+                      "says, else srgb of PNG, AVIF, JPEG, y4m and TIFF of integers, linear of others)",
                       words_of_rows(kTransferWords)),
       [&shown](const std::string& word) {
         ASSIGN_OR_RETURN(const TransferWord row, row_of("--input-transfer", kTransferWords, word));
@@ -499,6 +499,31 @@ void add_scene_light_option(CLI::App& app, PictureOptions& options) {
          "Take a PNG, AVIF, JPEG or y4m as light of a scene: metered, with bloom, by a tone curve (default: "
          "as the finished picture that it is, which only an option of exposure, bloom or curve changes)")
       ->group(kInputSection);
+}
+
+void add_sdr_option(CLI::App& app, PictureOptions& options) {
+  add_text(app, kToneSection, "--sdr", "base|curve",
+           "The SDR image of a picture with a gain map: base, the SDR picture in the file (the default "
+           "without an option "
+           "of exposure, bloom or curve), or curve, what --curve makes of its HDR light",
+           [&options](const std::string& word) {
+             if (word != "base" && word != "curve")
+               return unknown_word("--sdr word", word, {"base", "curve"});
+             options.sdr = word;
+             return absl::OkStatus();
+           });
+}
+
+void choose_sdr(PictureOptions& options, bool exposure_given) {
+  const v1::Settings& settings = options.settings;
+  const bool asks_for_a_look = exposure_given ||
+                               settings.exposure().mode() != v1::Exposure::MODE_UNSPECIFIED ||
+                               settings.bloom().ByteSizeLong() > 0 ||
+                               settings.curve() != v1::TONE_CURVE_UNSPECIFIED || options.scene_light;
+  const bool shows_more_than_sdr = is_hdr(encoded_transfer(settings)) || settings.has_gain_map_peak_nits() ||
+                                   settings.output_format() == v1::OUTPUT_FORMAT_RGBA16F;
+  options.shown.base_of_gain_map =
+      options.sdr.empty() ? !asks_for_a_look && !shows_more_than_sdr : options.sdr == "base";
 }
 
 void add_max_pixels_option(CLI::App& app, PictureOptions& options) {

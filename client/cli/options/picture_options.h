@@ -90,6 +90,11 @@ void add_choice_options(CLI::App& app, PictureOptions& options);
 // Defines --scene-light, for a command that shows pictures.
 void add_scene_light_option(CLI::App& app, PictureOptions& options);
 
+// Defines --sdr, for a command that makes images of pictures.
+void add_sdr_option(CLI::App& app, PictureOptions& options);
+// After the checks of the exposure: whether the SDR picture beside a gain map is read, or its HDR light.
+void choose_sdr(PictureOptions& options, bool exposure_given);
+
 // Defines --max-pixels, for a command that reads images.
 void add_max_pixels_option(CLI::App& app, PictureOptions& options);
 

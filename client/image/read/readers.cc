@@ -12,6 +12,7 @@
 #include "absl/strings/strip.h"
 #include "client/base/number_words.h"
 #include "client/image/color.h"
+#include "client/image/read_formats.h"
 #include "server/base/status_macros.h"
 
 namespace candela {
@@ -108,8 +109,7 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
         absl::StrFormat("%s: Candela does not read %s; convert it to PNG or AVIF", file.path(), kind));
   }
   if (magic.empty()) return absl::InvalidArgumentError(absl::StrFormat("%s: the file is empty", file.path()));
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s: not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file", file.path()));
+  return absl::InvalidArgumentError(absl::StrFormat("%s: not an %s file", file.path(), read_format_names()));
 }
 
 absl::Status check_image_size(const std::string& path, const char* what, int64_t width, int64_t height,

@@ -126,6 +126,7 @@ class Bench:
         write_pfm(self.folder / "rows.0001.pfm", 8, 4, [0.1 * (1 + i // 24) ** 3 for i in range(96)])
         write_png(self.folder / "codes.0001.png", 8, 4, [0x2000 * (1 + i % 7) for i in range(96)], (9, 18, 0, 1))
         self("render scene.exr matrix.0001.avif -q")
+        self("render scene.exr map.0001.jpg --gain-map 1000 -q")
         grey = {name: (lambda x, y: 0.1 + 0.05 * x) for name in "RGB"}
         red = {"R": lambda x, y: 2.0, "G": lambda x, y: 0.1, "B": lambda x, y: 0.1}
         half = {"A": lambda x, y: 0.25 * (x % 5)}

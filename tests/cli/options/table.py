@@ -57,6 +57,7 @@ SQUEEZED = {  # of render and stream
     "--desqueeze": lambda c: shows(one_file(c, "wide").format("--desqueeze"), lambda run: sizes(run) == {(32, 12, 1)}, "not 32x12"),
 }
 BEHIND = {  # of render, contact and stream
+    "--sdr": lambda c: changes("--sdr curve", "", f"{c} map.0001.jpg {OUTPUTS[c]} --json - -q --server PLAIN {{}}"),
     "--background": lambda c: changes("--background 0.5,0.2,1", "--alpha over", one_file(c, "alpha")),
 }
 DRAWN = {  # of render, contact, stream and view

@@ -8,6 +8,7 @@
 #include <avif/avif.h>
 #include <gtest/gtest.h>
 #include <lcms2.h>
+#include <tiffio.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -23,6 +24,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/image/color.h"
 #include "client/image/image.h"
+#include "tests/support/files.h"
 #include "tests/support/status.h"
 #include "tests/unit/image/image_support.h"
 #include "tests/unit/image/png.h"
@@ -267,6 +269,32 @@ std::string avif(
   return bytes;
 }
 
+std::string tiff(const std::vector<Patch>& codes, int components, int bits, const std::string& profile) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path("made.tif");
+  TIFF* const file = TIFFOpen(path.c_str(), "w");
+  TIFFSetField(file, TIFFTAG_IMAGEWIDTH, static_cast<uint32_t>(8 * codes.size()));
+  TIFFSetField(file, TIFFTAG_IMAGELENGTH, 1);
+  TIFFSetField(file, TIFFTAG_BITSPERSAMPLE, bits);
+  TIFFSetField(file, TIFFTAG_SAMPLESPERPIXEL, components);
+  TIFFSetField(file, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+  TIFFSetField(file, TIFFTAG_PHOTOMETRIC,
+               components == 1   ? PHOTOMETRIC_MINISBLACK
+               : components == 3 ? PHOTOMETRIC_RGB
+                                 : PHOTOMETRIC_SEPARATED);
+  TIFFSetField(file, TIFFTAG_ICCPROFILE, static_cast<uint32_t>(profile.size()), profile.data());
+  std::string row;
+  for (const Patch& patch : codes) {
+    for (int i = 0; i < 8 * components; ++i) {
+      row.append(static_cast<size_t>(bits / 8),
+                 static_cast<char>(patch[static_cast<size_t>(i % components)]));
+    }
+  }
+  EXPECT_EQ(TIFFWriteScanline(file, row.data(), 0, 0), 1);
+  TIFFClose(file);
+  return read_file(path);
+}
+
 // ---- Comparison ----
 
 // The codes of sRGB that lcms2 makes of the patches.
@@ -346,6 +374,8 @@ TEST(IccProfile, APictureIsWhatLcmsMakesOfIt) {
     same("PNG of 16 bits", png(codes, 3, 16, iccp(profile.bytes)));
     same("JPEG", jpeg(codes, 3, profile.bytes));
     same("AVIF", avif(codes, 3, profile.bytes));
+    same("TIFF of 8 bits", tiff(codes, 3, 8, profile.bytes));
+    same("TIFF of 16 bits", tiff(codes, 3, 16, profile.bytes));
     EXPECT_EQ(read_signal(file)->signal, absl::StrCat("8 bits, ", profile.signal, ", from iCCP"));
     EXPECT_EQ(read_signal(file)->light, PictureLight::kSdr);
     EXPECT_TRUE(read_signal(file)->names_primaries);
@@ -358,12 +388,14 @@ TEST(IccProfile, GreyAndCmykAreRead) {
   difference(png(codes, 1, 8, iccp(grey_profile)), grey_profile, codes, "grey PNG");
   difference(jpeg(codes, 1, grey_profile), grey_profile, codes, "grey JPEG");
   difference(avif(codes, 1, grey_profile), grey_profile, codes, "grey AVIF");
+  difference(tiff(codes, 1, 16, grey_profile), grey_profile, codes, "grey TIFF");
   // A grey picture may have a profile of R, G and B.
   std::vector<Patch> greys = codes;
   for (Patch& patch : greys) patch = {patch[0], patch[0], patch[0], 0};
   for (const std::string& profile : {matrix(kXyAdobe, kD65, {cmsBuildGamma(nullptr, 1.8)}), rgb_table()}) {
     difference(png(greys, 1, 8, iccp(profile)), profile, greys, "grey PNG of RGB");
     difference(jpeg(greys, 1, profile), profile, greys, "grey JPEG of RGB");
+    difference(tiff(greys, 1, 8, profile), profile, greys, "grey TIFF of RGB");
   }
   // Adobe's marker, which libjpeg writes, says that 255 is no ink.
   std::vector<Patch> inks = codes;
@@ -372,6 +404,8 @@ TEST(IccProfile, GreyAndCmykAreRead) {
   }
   const std::string cmyk_profile = cmyk_table();
   difference(jpeg(inks, 4, cmyk_profile), cmyk_profile, codes, "CMYK JPEG");
+  difference(tiff(codes, 4, 8, cmyk_profile), cmyk_profile, codes, "CMYK TIFF of 8 bits");
+  difference(tiff(codes, 4, 16, cmyk_profile), cmyk_profile, codes, "CMYK TIFF of 16 bits");
 }
 
 TEST(IccProfile, InksWithoutAProfileAreIdeal) {

@@ -25,7 +25,7 @@ TEST(ReadImage, SaysWhatIsWrongWithThePath) {
   EXPECT_TRUE(says(error(folder.path("empty.exr")).message(), "the file is empty"));
   write_file(folder.path("text.exr"), "hello");
   EXPECT_TRUE(says(error(folder.path("text.exr")).message(),
-                   "not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file"));
+                   "not an OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF file"));
   ASSERT_EQ(mkfifo(folder.path("pipe.hdr").c_str(), 0600), 0);
   EXPECT_TRUE(says(error(folder.path("pipe.hdr")).message(), "not a regular file"));
 }

@@ -179,7 +179,7 @@ TEST_F(ImageStreams, ABrokenFrameIsNamedByItsNumber) {
   EXPECT_EQ(failure("PF"),
             "pipe, frame 1: its PFM header is not 'PF', 'PF4' or 'Pf', width, height and "
             "scale, each followed by white space");
-  EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG, AVIF or JPEG file");
+  EXPECT_EQ(failure("P"), "pipe, frame 1: not an OpenEXR, Radiance, PFM, PNG, AVIF, JPEG or TIFF file");
   EXPECT_TRUE(failure(good + "PF\n#" + std::string(9999, ' ')).starts_with("pipe, frame 2: its PFM header"));
   EXPECT_TRUE(
       failure("#?RADIANCE\n").starts_with("pipe, frame 1: a Radiance file does not say where it ends"));
@@ -625,7 +625,7 @@ TEST(PipedFrames, AVideoIsWithinHalfACodeOfFloat64) {
       // Half a code is the rounding; the codes of 16 bits are the rest.
       EXPECT_LE(most, bits == 8 ? 0.503 : 0.508) << bits;
       RecordProperty((kind == PipeKind::kY4m420 ? "most_420_" : "most_444_") + std::to_string(bits) +
-                         (format.matrix ? absl::StrCat("_", format.matrix->name) : ""),
+                         (format.matrix ? absl::StrCat("_", format.matrix->code) : ""),
                      std::to_string(most));
       printf("%s, %d bits%s: at most %.4f codes\n", kind == PipeKind::kY4m420 ? "4:2:0" : "4:4:4", bits,
              format.matrix ? absl::StrCat(", ", format.matrix->name).c_str() : "", most);

@@ -18,6 +18,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/image/color.h"
+#include "client/image/describe.h"
 #include "client/image/image.h"
 #include "tests/support/files.h"
 #include "tests/support/status.h"
@@ -409,7 +410,7 @@ TEST(TiffReader, LogLuvIsLightOfXyz) {
   EXPECT_NEAR(component(image, 10, 10, 1) / kind.value(10, 10, 1), 1, 0.01);
 }
 
-// ICC profiles, made and applied by lcms2.
+// ICC profiles. icc_profile_test.cc compares those of codes with lcms2.
 
 using Profile = std::unique_ptr<void, decltype(&cmsCloseProfile)>;
 
@@ -423,33 +424,6 @@ Profile adobe_profile(cmsToneCurve* curve) {
   return profile;
 }
 
-// A printer whose inks darken what is below them by a power, as a table to L*a*b*.
-Profile inks_profile() {
-  Profile profile(cmsCreateProfilePlaceholder(nullptr), &cmsCloseProfile);
-  cmsSetProfileVersion(profile.get(), 2.1);
-  cmsSetDeviceClass(profile.get(), cmsSigOutputClass);
-  cmsSetColorSpace(profile.get(), cmsSigCmykData);
-  cmsSetPCS(profile.get(), cmsSigLabData);
-  cmsPipeline* const table = cmsPipelineAlloc(nullptr, 4, 3);
-  cmsStage* const grid = cmsStageAllocCLut16bit(nullptr, 9, 4, 3, nullptr);
-  cmsStageSampleCLut16bit(
-      grid,
-      [](const cmsUInt16Number* inks, cmsUInt16Number* lab, void*) {
-        const auto left = [&](int i) { return 1 - inks[i] / 65535.0 * 0.9; };
-        const cmsCIEXYZ xyz = {0.9642 * std::pow(left(0) * left(3), 1.5), std::pow(left(1) * left(3), 1.5),
-                               0.8249 * std::pow(left(2) * left(3), 1.5)};
-        cmsCIELab color;
-        cmsXYZ2Lab(nullptr, &color, &xyz);
-        cmsFloat2LabEncodedV2(lab, &color);
-        return 1;
-      },
-      nullptr, 0);
-  cmsPipelineInsertStage(table, cmsAT_END, grid);
-  cmsWriteTag(profile.get(), cmsSigAToB0Tag, table);
-  cmsPipelineFree(table);
-  return profile;
-}
-
 std::string bytes_of(const Profile& profile) {
   cmsUInt32Number size = 0;
   cmsSaveProfileToMem(profile.get(), nullptr, &size);
@@ -458,76 +432,12 @@ std::string bytes_of(const Profile& profile) {
   return bytes;
 }
 
-// lcms2's own codes of sRGB for a pixel of the profile.
-std::array<uint8_t, 3> codes_by_lcms2(const Profile& profile, uint32_t format,
-                                      const std::vector<uint8_t>& pixel) {
-  const Profile srgb(cmsCreate_sRGBProfile(), &cmsCloseProfile);
-  const cmsHTRANSFORM transform = cmsCreateTransform(profile.get(), format, srgb.get(), TYPE_RGB_8,
-                                                     INTENT_PERCEPTUAL, cmsFLAGS_NOOPTIMIZE);
-  std::array<uint8_t, 3> codes{};
-  cmsDoTransform(transform, pixel.data(), codes.data(), 1);
-  cmsDeleteTransform(transform);
-  return codes;
-}
-
-// A pixel's code of sRGB, 0 .. 255 and not rounded.
-std::array<double, 3> srgb_codes(const Image& image, uint32_t x, uint32_t y) {
-  const std::array<float, 8> xy = image.chromaticities.value_or(kRec709.xy);
-  const Profile from(
-      [&] {
-        const cmsCIExyY white = {xy[6], xy[7], 1};
-        const cmsCIExyYTRIPLE primaries = {{xy[0], xy[1], 1}, {xy[2], xy[3], 1}, {xy[4], xy[5], 1}};
-        cmsToneCurve* const line = cmsBuildGamma(nullptr, 1);
-        cmsToneCurve* const lines[] = {line, line, line};
-        const cmsHPROFILE made = cmsCreateRGBProfile(&white, &primaries, lines);
-        cmsFreeToneCurve(line);
-        return made;
-      }(),
-      &cmsCloseProfile);
-  const Profile srgb(cmsCreate_sRGBProfile(), &cmsCloseProfile);
-  const cmsHTRANSFORM transform =
-      cmsCreateTransform(from.get(), TYPE_RGB_FLT, srgb.get(), TYPE_RGB_DBL, INTENT_PERCEPTUAL, 0);
-  const float light[] = {component(image, x, y, 0), component(image, x, y, 1), component(image, x, y, 2)};
-  std::array<double, 3> codes{};
-  cmsDoTransform(transform, light, codes.data(), 1);
-  cmsDeleteTransform(transform);
-  for (double& code : codes) code = std::clamp(code * 255, 0.0, 255.0);
-  return codes;
-}
-
 // The kind with the profile in it.
 TiffKind with_profile(TiffKind kind, const std::string& profile) {
   kind.more = [profile](TIFF* tiff) {
     TIFFSetField(tiff, TIFFTAG_ICCPROFILE, static_cast<uint32_t>(profile.size()), profile.data());
   };
   return kind;
-}
-
-TEST(TiffReader, AProfileMeansWhatLcms2MakesOfIt) {
-  const Profile adobe = adobe_profile(cmsBuildGamma(nullptr, 563 / 256.0)), inks = inks_profile();
-  for (const bool cmyk : {false, true}) {
-    for (const uint32_t tile : {0, 16}) {
-      const Profile& profile = cmyk ? inks : adobe;
-      TiffKind kind{.samples = 3, .tile = tile};
-      if (cmyk) {
-        kind.samples = 4;
-        kind.photometric = PHOTOMETRIC_SEPARATED;
-      }
-      ASSERT_OK_AND_ASSIGN(const Image image, read_signal(tiff_of(with_profile(kind, bytes_of(profile)))));
-      EXPECT_EQ(image.light, PictureLight::kSdr);
-      EXPECT_TRUE(image.notes.empty()) << image.notes[0];
-      for (const auto& [x, y] :
-           {std::pair{0u, 0u}, std::pair{5u, 2u}, std::pair{20u, 12u}, std::pair{3u, 11u}}) {
-        std::vector<uint8_t> pixel;
-        for (int s = 0; s < kind.samples; ++s) {
-          pixel.push_back(static_cast<uint8_t>(usual_value(kind, x, y, s)));
-        }
-        const auto wanted = codes_by_lcms2(profile, cmyk ? TYPE_CMYK_8 : TYPE_RGB_8, pixel);
-        const auto codes = srgb_codes(image, x, y);
-        for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(codes[c], wanted[c], 1) << cmyk << " " << x << " " << y;
-      }
-    }
-  }
 }
 
 TEST(TiffReader, InksWithoutAProfileAreIdeal) {
@@ -719,6 +629,15 @@ TEST(TiffReader, ATruncatedFileIsRefused) {
     EXPECT_FALSE(status.ok()) << size << " of " << file.size();
     EXPECT_TRUE(absl::StartsWith(status.message(), "file: ")) << status;
   }
+}
+
+TEST(TiffReader, AFileIsDescribed) {
+  const TemporaryFile file(tiff_of(TiffKind{.bits = 16}));
+  ASSERT_OK_AND_ASSIGN(const FileFacts facts, describe_image(file.path()));
+  EXPECT_EQ(facts.kind, "TIFF");
+  ASSERT_EQ(facts.parts.size(), 1u);
+  EXPECT_EQ(facts.parts[0].storage, "16 bits, sRGB, assumed");
+  EXPECT_OK(facts.renderable);
 }
 
 TEST(TiffReader, WhatCandelaWritesIsReadBack) {
