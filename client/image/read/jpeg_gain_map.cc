@@ -1,6 +1,7 @@
 #include "client/image/read/jpeg_gain_map.h"
 
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -354,7 +355,7 @@ void GainMap::apply(uint32_t width, uint32_t y, float* light) const {
     }
     for (size_t c = 0; c < 3; ++c) {
       const double hdr = (light[c] + metadata_.offset_sdr[c]) * gains[c] - metadata_.offset_hdr[c];
-      light[c] = static_cast<float>(std::max(hdr, 0.0));
+      light[c] = static_cast<float>(std::clamp<double>(hdr, 0, FLT_MAX));
     }
   }
 }

@@ -1,6 +1,7 @@
 #include "client/image/read/signal.h"
 
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 #include <cstring>
 #include <iterator>
@@ -207,6 +208,15 @@ double HlgDisplay::scale(const std::array<double, 3>& scene) const {
   return y > 0 ? peak_ * power(y, exponent_) : 0.0;
 }
 
+namespace {
+
+// A strange profile may lead beyond floats, or to no number, which is black then.
+float finite_light(double light) {
+  return std::isnan(light) ? 0 : static_cast<float>(std::clamp<double>(light, -FLT_MAX, FLT_MAX));
+}
+
+}  // namespace
+
 SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
     : signal_(std::move(signal)),
       own_values_(choice.own_values),
@@ -233,7 +243,7 @@ SignalDecoder::SignalDecoder(Signal signal, const PictureChoice& choice)
   light_.resize(tables * kCodes);
   for (size_t i = 0; i < light_.size(); ++i) {
     const double v = static_cast<double>(i % kCodes) / (kCodes - 1);
-    light_[i] = static_cast<float>(tables == 3 ? signal_.curve(i / kCodes, v) : light_of(signal_, v));
+    light_[i] = finite_light(tables == 3 ? signal_.curve(i / kCodes, v) : light_of(signal_, v));
   }
   if (signal_.transfer == SignalTransfer::kHlg) {
     hlg_.emplace(choice.primaries.value_or(signal_.xy == kNone ? kRec709.xy : signal_.xy), choice.hlg_peak);
@@ -245,7 +255,7 @@ void SignalDecoder::decode(std::span<const uint16_t> codes, float* light) const 
     signal_.table(codes.data(), codes.size() / 4, light);
     for (size_t i = 0; i < codes.size(); i += 4, light += 4) {
       light[3] = signal_.inks ? 1 : static_cast<float>(codes[i + 3] / 65535.0);
-      for (size_t k = 0; k < 3; ++k) light[k] *= light[3];
+      for (size_t k = 0; k < 3; ++k) light[k] = finite_light(light[k]) * light[3];
     }
     return;
   }
