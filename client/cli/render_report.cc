@@ -207,7 +207,10 @@ void add_everything(const RenderReport& report, std::string& text,
 }  // namespace
 
 std::string default_exposure_words(const PictureDefaults& defaults) {
-  return defaults.exposure ? absl::StrCat(", the default of ", defaults.of) : "";
+  if (!defaults.exposure) return "";
+  return absl::StrCat(", the default of ", defaults.light == PictureLight::kScene ? "a view"
+                                           : defaults.light == PictureLight::kSdr ? "an SDR picture"
+                                                                                  : "an HDR picture");
 }
 
 std::string default_bloom_words(const PictureDefaults& defaults) {

@@ -253,7 +253,8 @@ absl::Status check_decimal_points(const std::string& path) {
   std::ifstream file(path);
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<size_t>(file.gcount()));
-  if (absl::StartsWith(text, "<")) return absl::OkStatus();
+  const size_t begin = text.find_first_not_of("\xef\xbb\xbf \t\r\n");  // a byte order mark may come first
+  if (begin < text.size() && text[begin] == '<') return absl::OkStatus();
   size_t number = 0;
   for (const absl::string_view line : absl::StrSplit(text, '\n')) {
     ++number;

@@ -146,11 +146,11 @@ absl::Status FileFrames::make(absl::StatusOr<Image> read, const SequenceFrame& f
   enter_scene(options_.view.get(), frame);
   ASSIGN_OR_RETURN(const std::optional<double> exposure, options_.exposures.of(file.number));
   if (options_.scene_light) frame.light = PictureLight::kScene;
-  if (absl::Status status = check_gain_map(frame.light, options_.settings.has_gain_map_peak_nits());
-      !status.ok())
-    return name_file(status, file.path);
-  PictureSettings shown = settings_for(frame, options_.settings,
-                                       {exposure.has_value(), options_.names_primaries, options_.defaults});
+  RETURN_IF_ERROR(
+      check_light_for_gain_map(file.path, frame.light, options_.settings.has_gain_map_peak_nits()));
+  PictureSettings shown = settings_for(
+      frame, options_.settings,
+      {.exposure = exposure, .defaults = options_.defaults, .names_primaries = options_.names_primaries});
   made.settings = std::move(shown.settings);
   made.facts.defaults = shown.defaults;
   made.facts.kept_primaries = shown.kept_primaries;

@@ -128,6 +128,10 @@ absl::Status FramePipe::begin_film(const RunFrame& frame) {
     }
     width_ = width;
     height_ = height;
+    if (verbose_ && format_.kind != PipeKind::kPam) {
+      summary_.notes.insert(absl::StrFormat("the y4m has the matrix of %s, with limited range",
+                                            matrix_of(format_, height).name));
+    }
     const std::string header = film_header(format_, width, height, frame.facts.pixel_aspect, rate_);
     return write(header.data(), header.size());
   }

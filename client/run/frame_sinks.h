@@ -58,10 +58,17 @@ class ImageFiles : public FrameSink {
 class FramePipe : public FrameSink {
  public:
   // It counts the frames in `summary`. `film` is null for standard output; its owner finishes it. With
-  // `even`, frames must have even sizes. All references must outlive this.
-  FramePipe(PipeFormat format, FrameRate rate, FilmFile* film, bool even, RunEvents& events,
+  // `even`, frames must have even sizes. With `verbose`, a note says a y4m's matrix. All references must
+  // outlive this.
+  FramePipe(PipeFormat format, FrameRate rate, FilmFile* film, bool even, bool verbose, RunEvents& events,
             RunSummary& summary)
-      : format_(format), rate_(rate), film_(film), even_(even), events_(events), summary_(summary) {}
+      : format_(format),
+        rate_(rate),
+        film_(film),
+        even_(even),
+        verbose_(verbose),
+        events_(events),
+        summary_(summary) {}
 
   // Returns when the frame is written. Fails if nobody reads any more; of standard output summary.reader_left
   // is set then. A film's frames must have the size of the first.
@@ -78,7 +85,7 @@ class FramePipe : public FrameSink {
   const PipeFormat format_;
   const FrameRate rate_;
   FilmFile* const film_;
-  const bool even_;
+  const bool even_, verbose_;
   RunEvents& events_;
   RunSummary& summary_;
   uint32_t width_ = 0, height_ = 0;  // of the first frame; 0: there was none

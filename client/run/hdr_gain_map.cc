@@ -81,7 +81,11 @@ v1::Settings hdr_settings(v1::Settings sdr, v1::ToneCurve curve, double peak_nit
   sdr.set_display_primaries(v1::PRIMARIES_P3_D65);
   sdr.set_peak_nits(peak_nits);
   sdr.set_output_format(v1::OUTPUT_FORMAT_RGBA16);
-  if (curve != v1::TONE_CURVE_BT2390 || sdr.source_peak_nits() < peak_nits) sdr.clear_source_peak_nits();
+  if (curve != v1::TONE_CURVE_BT2390) {
+    sdr.clear_source_peak_nits();
+  } else if (sdr.has_source_peak_nits()) {
+    sdr.set_source_peak_nits(std::max(sdr.source_peak_nits(), peak_nits));
+  }
   sdr.clear_dither();
   sdr.clear_max_error_codes();  // the promise is about the SDR picture
   return sdr;

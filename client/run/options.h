@@ -39,12 +39,13 @@ struct ServerChoice {
   std::string executor;  // of the built-in server: "auto", "device" or "host"; empty: "auto"
 };
 
-// Which settings nobody gave, and what they are the default of: a view of --ocio and --lut, or a picture of a
-// display.
+// Which settings nobody gave.
 struct PictureDefaults {
   bool exposure = false;  // 0 EV
   bool bloom = false;     // none
-  const char* of = "a view";
+  // Whose default they are: that of a picture of a display, or, with a scene's light, of a view of --ocio or
+  // --lut.
+  PictureLight light = PictureLight::kScene;
 };
 
 // The settings of frames and the format of images.
@@ -62,7 +63,7 @@ struct PictureOptions {
   // the user chose no alpha, or it is a .png whose alpha is associated and would hide the whole picture.
   bool ignore_empty_alpha = false;
   PictureDefaults defaults;      // as they are in `settings`
-  std::string sdr;              // --sdr: "base" or "curve"; "": base, unless the settings ask for a look
+  std::string sdr;               // --sdr: "base" or "curve"; "": base, unless the settings ask for a look
   bool scene_light = false;      // a picture of a display is taken as light of a scene
   bool names_primaries = false;  // the output's files can name any primaries
   std::string stdout_kind;       // the extension of an image that goes to standard output

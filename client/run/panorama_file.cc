@@ -67,8 +67,7 @@ absl::StatusOr<PanoramaFile> read_panorama(const std::string& path, const Pictur
   file.missing_pixels = read->missing_pixels;
   if (!options.scene_light) file.light = read->light;
   file.peak = read->peak;
-  const absl::Status status = check_gain_map(file.light, options.settings.has_gain_map_peak_nits());
-  if (!status.ok()) return name_file(status, path);
+  RETURN_IF_ERROR(check_light_for_gain_map(path, file.light, options.settings.has_gain_map_peak_nits()));
   const double aspect = static_cast<double>(read->width) / read->height;
   if (aspect < kLeastAspect || aspect > kMostAspect) {
     file.notes.push_back(absl::StrFormat(

@@ -164,6 +164,9 @@ constexpr double kNotedShare = 0.01;
 constexpr char kCheck[] =
     "no display shows them; if the picture should have none, name the file's primaries with --primaries";
 
+constexpr char kOwnPrimaries[] =
+    "a .png, .jpg, .tif or .avif that is neither metered nor blooms keeps the picture's own";
+
 // Tells the user how to keep the colours.
 const char* advice(const v1::Settings& settings) {
   switch (settings.curve()) {
@@ -184,12 +187,14 @@ const char* advice(const v1::Settings& settings) {
 
 }  // namespace
 
-std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::Settings& settings) {
+std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::Settings& settings,
+                                      PictureLight light) {
   const double components = 3.0 * result.width() * result.height();
   const double share = static_cast<double>(result.gamut_cut_components()) / components;
-  if (!(share > kNotedShare)) return std::nullopt;
+  const bool finished = light == PictureLight::kSdr && settings.curve() == v1::TONE_CURVE_LINEAR;
+  if (!(share > (finished ? 0 : kNotedShare))) return std::nullopt;
   return absl::StrFormat("%s %% of the colour components lie outside the curve's gamut and were cut; %s",
-                         in_digits(100.0 * share, 2), advice(settings));
+                         in_digits(100.0 * share, 2), finished ? kOwnPrimaries : advice(settings));
 }
 
 std::string held_words(double target, double target_before_limits) {
@@ -282,28 +287,27 @@ FrameView view_of(const Image& image) {
 
 namespace {
 
-// The peak of the display that the settings describe, in units of reference white.
-double display_peak(v1::Settings settings) {
-  if (!is_hdr(encoded_transfer(settings))) return 1;
+// The peak of the display that the settings describe, in nit.
+double display_nits(v1::Settings settings) {
+  if (!is_hdr(encoded_transfer(settings))) return kReferenceWhiteNits;
   (void)v1::complete_settings(settings);  // parsing has checked them
-  return settings.peak_nits() / kReferenceWhiteNits;
+  return settings.peak_nits();
 }
 
-// The curve of a picture whose light goes up to `peak`, exposed: none if the display can show all of it.
-void choose_curve(double peak, v1::Settings& settings) {
-  const bool chosen = settings.curve() != v1::TONE_CURVE_UNSPECIFIED;
-  const double display = display_peak(settings);
-  if (!chosen) {
-    constexpr double kRoundings = 1.001;  // of a peak that a file says
-    settings.set_curve(peak <= kRoundings * display         ? v1::TONE_CURVE_LINEAR
+// The curve of a picture whose exposed light goes up to `nits`: none if the display can show all of it.
+void choose_curve(double nits, v1::Settings& settings) {
+  constexpr double kRoundings = 1.001, kMostNits = 10000;  // of a peak that a file says
+  const double display = display_nits(settings);
+  if (settings.curve() == v1::TONE_CURVE_UNSPECIFIED) {
+    const bool shows_all = nits <= kRoundings * display && !settings.has_source_peak_nits();
+    settings.set_curve(shows_all                            ? v1::TONE_CURVE_LINEAR
                        : is_hdr(encoded_transfer(settings)) ? v1::TONE_CURVE_BT2390
                                                             : v1::TONE_CURVE_SHOULDER);
   }
   const bool has_source =
       settings.curve() == v1::TONE_CURVE_BT2390 || settings.curve() == v1::TONE_CURVE_SHOULDER;
   if (!has_source || settings.has_source_peak_nits()) return;
-  constexpr double kMostNits = 10000;
-  settings.set_source_peak_nits(std::min(std::max(peak, display) * kReferenceWhiteNits, kMostNits));
+  settings.set_source_peak_nits(std::clamp(nits, display, kMostNits));
 }
 
 bool is_grey(const v1::Background& c) { return c.red() == c.green() && c.green() == c.blue(); }
@@ -318,12 +322,13 @@ bool treats_channels_alike(const v1::Settings& settings, bool exposure_given) {
 
 }  // namespace
 
-PictureDefaults show_as_it_is(PictureLight light, double peak, bool exposure_given, PictureDefaults defaults,
+PictureDefaults show_as_it_is(PictureLight light, double peak, const PictureFacts& facts,
                               v1::Settings& settings) {
+  PictureDefaults defaults = facts.defaults;
   if (light == PictureLight::kScene) return defaults;
-  defaults.of = light == PictureLight::kSdr ? "an SDR picture" : "an HDR picture";
+  defaults.light = light;
   v1::Exposure& exposure = *settings.mutable_exposure();
-  if (!exposure_given && exposure.mode() == v1::Exposure::MODE_UNSPECIFIED) {
+  if (!facts.exposure && !facts.adapts && exposure.mode() == v1::Exposure::MODE_UNSPECIFIED) {
     exposure.set_mode(v1::Exposure::MODE_MANUAL);
     exposure.set_manual_ev(0);
     defaults.exposure = true;
@@ -332,28 +337,26 @@ PictureDefaults show_as_it_is(PictureLight light, double peak, bool exposure_giv
     settings.mutable_bloom()->set_intensity(0);
     defaults.bloom = true;
   }
-  const bool manual = exposure.mode() == v1::Exposure::MODE_MANUAL;
-  choose_curve(light == PictureLight::kSdr
-                   ? 1
-                   : peak * exponential(std::numbers::ln2 * (manual ? exposure.manual_ev() : 0)),
-               settings);
+  const double ev = exposure.mode() == v1::Exposure::MODE_MANUAL ? exposure.manual_ev() : 0;
+  const double exposed = facts.exposure.value_or(exponential(std::numbers::ln2 * ev));
+  choose_curve((light == PictureLight::kSdr ? 1 : peak * exposed) * kReferenceWhiteNits, settings);
   return defaults;
 }
 
-absl::Status check_gain_map(PictureLight light, bool asked) {
+absl::Status check_light_for_gain_map(const std::string& path, PictureLight light, bool asked) {
   if (light != PictureLight::kSdr || !asked) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "it is an SDR picture, which has no light for the gain map of --gain-map; --scene-light takes it as a "
-      "scene's "
-      "light");
+  return name_file(
+      absl::InvalidArgumentError("it is an SDR picture, which has no light for the gain map of --gain-map; "
+                                 "--scene-light takes it as a scene's light"),
+      path);
 }
 
 PictureSettings settings_for(const Image& image, const v1::Settings& given, const PictureFacts& facts) {
-  PictureSettings made{.settings = given, .defaults = facts.defaults, .kept_primaries = {}};
-  made.defaults = show_as_it_is(image.light, image.peak, facts.exposure_given, facts.defaults, made.settings);
+  PictureSettings made{.settings = given, .defaults = {}, .kept_primaries = {}};
+  made.defaults = show_as_it_is(image.light, image.peak, facts, made.settings);
   if (!image.chromaticities || has_primaries(given)) return made;
   if (image.light == PictureLight::kSdr && facts.names_primaries &&
-      treats_channels_alike(made.settings, facts.exposure_given)) {
+      treats_channels_alike(made.settings, facts.exposure.has_value())) {
     made.kept_primaries = image.chromaticities;
   } else {
     *made.settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
@@ -366,8 +369,8 @@ std::string not_metered_note(const Image& image, const v1::Settings& given, cons
   asked.clear_mode();
   if (image.light == PictureLight::kScene || !defaults.exposure || !sets_a_field(asked)) return "";
   return absl::StrFormat(
-      "%s is shown at 0 EV, so the options of metering change nothing; --exposure auto meters it",
-      defaults.of);
+      "an %s picture is shown at 0 EV, so the options of metering change nothing; --exposure auto meters it",
+      image.light == PictureLight::kSdr ? "SDR" : "HDR");
 }
 
 Image picture_of(RenderResult result, bool has_alpha, double pixel_aspect) {

@@ -75,8 +75,9 @@ nlohmann::ordered_json to_json(const PrimariesUsed& primaries);
 // say.
 
 // A sentence if more than 1 % of the image's R, G and B components lie outside of the gamut of the curve,
-// with what to do about it. `settings` are those that were sent.
-std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::Settings& settings);
+// with what to do about it; of a finished SDR picture if any do. `settings` are those that were sent.
+std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::Settings& settings,
+                                      PictureLight light);
 
 // "exposure held at --max-exposure 64; it would have been 812", if a limit held it; else empty. Both factors
 // are those of a result; a server that does not know the second leaves it 0.
@@ -116,13 +117,6 @@ bool has_primaries(const v1::Settings& settings);
 // CIE xy of red, green, blue and white.
 v1::Chromaticities to_message(const std::array<float, 8>& xy);
 
-// Light of a display is shown as it is: at 0 EV, without bloom, and by a curve that leaves it alone, up to
-// half of white if it is brighter than the display. Each of these settings only if it has no value; the
-// exposure, too, if `exposure_given` says that something else decides it. `defaults` are those of the
-// settings before; returns those after.
-PictureDefaults show_as_it_is(PictureLight light, double peak, bool exposure_given, PictureDefaults defaults,
-                              v1::Settings& settings);
-
 // How a picture is sent.
 struct PictureSettings {
   v1::Settings settings;
@@ -132,16 +126,24 @@ struct PictureSettings {
 };
 // What else than the given settings decides it.
 struct PictureFacts {
-  bool exposure_given = false;
-  bool names_primaries = false;  // as in PictureOptions
-  PictureDefaults defaults;      // of the given settings
+  std::optional<double> exposure = {};  // the frame's, if it is given
+  bool adapts = false;                  // the exposure follows one before
+  PictureDefaults defaults = {};        // of the given settings
+  bool names_primaries = false;         // as in PictureOptions
 };
+
+// Light of a display is shown as it is: at 0 EV, without bloom, and by a curve that leaves it alone, up to
+// half of white if it is brighter than the display. Each of these settings only if it has no value, and the
+// exposure only if the facts do not decide it. Returns the defaults of the settings then.
+PictureDefaults show_as_it_is(PictureLight light, double peak, const PictureFacts& facts,
+                              v1::Settings& settings);
+
 // By show_as_it_is(), and with the chromaticities of the file unless the user set some.
 PictureSettings settings_for(const Image& image, const v1::Settings& given, const PictureFacts& facts);
 
-// INVALID_ARGUMENT for a gain map beside an SDR picture, which has no light for it. `asked`: --gain-map is
-// given.
-absl::Status check_gain_map(PictureLight light, bool asked);
+// Refuses a gain map beside an SDR picture, the file `path`, which has no light for it. `asked`: --gain-map
+// is given.
+absl::Status check_light_for_gain_map(const std::string& path, PictureLight light, bool asked);
 
 // A note if the settings say how to meter, and a picture of a display is not metered; else "".
 std::string not_metered_note(const Image& image, const v1::Settings& given, const PictureDefaults& defaults);

@@ -72,7 +72,7 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::Im
   if (!run_.locked()) {
     add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
   }
-  if (run_.shows_light()) add_note(gamut_note(report_.header, settings).value_or(""));
+  if (run_.shows_light()) add_note(gamut_note(report_.header, settings, report_.defaults.light).value_or(""));
 }
 
 absl::Status PictureRun::write(const Image& picture) {
@@ -202,11 +202,12 @@ class FrameRun {
     if (only_ && !verifies_view() && !is_piped() && !options_.gain_map_target)
       view.on_sent = [&frame] { frame.pixels = {}; };
     const bool gain_map = options_.settings.has_gain_map_peak_nits() || options_.gain_map_target;
-    if (absl::Status status = check_gain_map(frame.light, gain_map); !status.ok())
-      return name_file(status, job_.input);
+    RETURN_IF_ERROR(check_light_for_gain_map(job_.input, frame.light, gain_map));
     PictureSettings made = settings_for(frame, options_.settings,
-                                        {run_.locked().has_value() || options_.previous.exposure() > 0,
-                                         options_.names_primaries, options_.defaults});
+                                        {.exposure = run_.locked(),
+                                         .adapts = options_.previous.exposure() > 0,
+                                         .defaults = options_.defaults,
+                                         .names_primaries = options_.names_primaries});
     picture_.add_note(not_metered_note(frame, options_.settings, made.defaults));
     picture_.show(made);
     v1::Settings& settings = made.settings;

@@ -390,7 +390,8 @@ std::unique_ptr<FrameSink> make_sink(const StreamOptions& options, const StreamP
                                      RunEvents& events, RunSummary& summary) {
   if (options.pipe) {
     const bool even = options.film && !options.film->full_chroma;
-    return std::make_unique<FramePipe>(*options.pipe, summary.rate.rate, film, even, events, summary);
+    return std::make_unique<FramePipe>(*options.pipe, summary.rate.rate, film, even, options.verbose, events,
+                                       summary);
   }
   return std::make_unique<ImageFiles>(
       [&options, &plan](const FrameFacts& frame) { return output_of(options, plan, frame); }, options.write,

@@ -38,7 +38,8 @@ class ViewFrames : public FrameSource {
         environment_(std::move(environment)),
         exposure_(exposure),
         settings_(std::move(settings)),
-        defaults_(show_as_it_is(file.light, file.peak, exposure.has_value(), options.defaults, settings_)) {}
+        defaults_(show_as_it_is(file.light, file.peak, {.exposure = exposure, .defaults = options.defaults},
+                                settings_)) {}
 
   uint64_t frames() const override { return scene_.frames(); }
   std::optional<SourceFrame> next() override;
@@ -130,9 +131,11 @@ class ViewRun {
     picture_.report().missing_pixels = file.missing_pixels;
     picture_.add_notes(std::move(file.notes));
     panorama_ = std::move(file.panorama);
-    const bool given = run_.locked().has_value() || options_.previous.exposure() > 0;
-    const PictureDefaults defaults =
-        show_as_it_is(file.light, file.peak, given, options_.defaults, settings_);
+    const PictureDefaults defaults = show_as_it_is(file.light, file.peak,
+                                                   {.exposure = run_.locked(),
+                                                    .adapts = options_.previous.exposure() > 0,
+                                                    .defaults = options_.defaults},
+                                                   settings_);
     picture_.show({settings_, defaults, {}});
     return absl::OkStatus();
   }

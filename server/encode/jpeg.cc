@@ -59,8 +59,8 @@ absl::StatusOr<JpegSegments> jpeg_segments(absl::string_view file) {
     };
     if (byte_at(file, at) != 0xff) {
       if (before_scans) return damaged("there is no marker");
-      found.end = at;
-      return found;
+      ++at;  // libjpeg passes over what is between segments
+      continue;
     }
     const uint8_t marker = byte_at(file, at + 1);
     if (marker == 0xff || stands_alone(marker)) {  // 0xff fills

@@ -111,7 +111,8 @@ absl::Status finish_pipe(StreamArguments& arguments) {
     return usage_error(absl::StrFormat("--codec %s is for films; %s is none: write a %s", arguments.codec,
                                        options.output, film_extensions()));
   }
-  if (!film && options.verbose) options.notes.emplace_back("-v changes nothing: it is about films");
+  if (!film && options.output != "-" && options.verbose)
+    options.notes.emplace_back("-v changes nothing: it is about films and pipes");
   if (options.output != "-" && !film) {
     for (const auto& [name, word] :
          {std::pair("--pipe", arguments.pipe), {"--pipe-matrix", arguments.matrix}}) {
@@ -227,7 +228,8 @@ void add_stream_options(CLI::App& app, StreamArguments& arguments) {
   add_json_option(app, kOutputSection, "Write one line of JSON a frame, and one for the whole session",
                   options.json);
   add_quiet_option(app, kOutputSection, options.quiet);
-  app.add_flag("--verbose,-v", options.verbose, "Print the command line that a film's ffmpeg is started with")
+  app.add_flag("--verbose,-v", options.verbose,
+               "Print the command line that a film's ffmpeg is started with, and the matrix of a y4m")
       ->group(kOutputSection);
   add_session_server_options(app, options);
 }
@@ -251,7 +253,7 @@ absl::Status finish_stream_options(StreamArguments& arguments) {
   RETURN_IF_ERROR(finish_exposure_options(options));
   const bool exposure_given =
       !options.exposures.empty() || !options.locked_exposure.empty() || !options.state.empty();
-  choose_sdr(options, exposure_given);
+  choose_sdr(options, !options.exposures.empty() || !options.locked_exposure.empty());
   choose_view_defaults(options, exposure_given);
   return finish_server_options(options.server);
 }

@@ -496,7 +496,8 @@ void add_choice_options(CLI::App& app, PictureOptions& options) {
 void add_scene_light_option(CLI::App& app, PictureOptions& options) {
   app.add_flag(
          "--scene-light", options.scene_light,
-         "Take a PNG, AVIF, JPEG or y4m as light of a scene: metered, with bloom, by a tone curve (default: "
+         "Take a PNG, AVIF, JPEG, TIFF or y4m as light of a scene: metered, with bloom, by a tone curve "
+         "(default: "
          "as the finished picture that it is, which only an option of exposure, bloom or curve changes)")
       ->group(kInputSection);
 }

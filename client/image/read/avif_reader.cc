@@ -130,9 +130,7 @@ bool has_gain_map(absl::string_view file) {
   return false;
 }
 
-// The brightest light that the file says it has, in nit: of its pixels, else of the display that it was made
-// on. 0 if it does not say. This libavif does not read these boxes, of 12 and of 32 bytes. Source: ISO/IEC
-// 14496-12.
+// This libavif does not read these boxes, of 12 and of 32 bytes. Source: ISO/IEC 14496-12.
 double max_light_of(absl::string_view file) {
   constexpr absl::string_view kOfPixels(
       "\0\0\0\x0c"
@@ -143,15 +141,15 @@ double max_light_of(absl::string_view file) {
       "mdcv",
       8);
   constexpr size_t kMasteringAt = 16;  // behind the display's primaries and white
-  constexpr double kUnit = 1e-4, kMostNits = 10000;
-  double nits = 0;
+  constexpr double kUnit = 1e-4;
+  double pixels = 0, display = 0;
   if (const size_t at = file.find(kOfPixels); at != file.npos) {
-    nits = big_endian_at(file, at + kOfPixels.size(), 2);
+    pixels = big_endian_at(file, at + kOfPixels.size(), 2);
   }
-  if (const size_t at = file.find(kOfDisplay); nits == 0 && at != file.npos) {
-    nits = kUnit * big_endian_at(file, at + kOfDisplay.size() + kMasteringAt);
+  if (const size_t at = file.find(kOfDisplay); at != file.npos) {
+    display = kUnit * big_endian_at(file, at + kOfDisplay.size() + kMasteringAt);
   }
-  return std::min(nits, kMostNits);
+  return max_light(pixels, display);
 }
 
 // The width of an upright pixel over its height; nothing if the file does not say it.

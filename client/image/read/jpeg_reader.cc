@@ -261,7 +261,8 @@ absl::StatusOr<std::optional<GainMap>> gain_map_of(const std::string& path, absl
   if (choice.keeps_signal) return std::nullopt;
   const absl::StatusOr<FoundGainMap> found = find_gain_map(file, segments);
   image.has_gain_map = found.ok() && !found->jpeg.empty();
-  if ((found.ok() && !image.has_gain_map) || choice.base_of_gain_map) return std::nullopt;
+  if (found.ok() && !image.has_gain_map) return std::nullopt;
+  if (choice.base_of_gain_map && !(found.ok() && found->base_is_hdr)) return std::nullopt;
   if (choice.transfer) {
     image.notes.push_back("its gain map is not used, because --input-transfer says what the codes are");
     return std::nullopt;

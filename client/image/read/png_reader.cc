@@ -75,7 +75,10 @@ class Png {
 
   uint32_t width() const { return png_get_image_width(png_, info_); }
   uint32_t height() const { return png_get_image_height(png_, info_); }
-  int bits() const { return png_get_bit_depth(png_, info_); }
+  // Of a component; a palette's have 8.
+  int bits() const {
+    return png_get_color_type(png_, info_) == PNG_COLOR_TYPE_PALETTE ? 8 : png_get_bit_depth(png_, info_);
+  }
   bool is_grey() const { return (png_get_color_type(png_, info_) & PNG_COLOR_MASK_COLOR) == 0; }
   bool has_alpha() const {
     return (png_get_color_type(png_, info_) & PNG_COLOR_MASK_ALPHA) != 0 ||
@@ -209,14 +212,11 @@ void take_gamma(const Png& png, Signal& signal, std::vector<std::string>& notes)
   }
 }
 
-// The brightest light that a PQ picture says it has, in nit: of its pixels, else of the display that it was
-// made on. 0 if it does not say.
 double max_light_of(const Png& png) {
-  constexpr double kUnit = 1e-4, kMostNits = 10000;
+  constexpr double kUnit = 1e-4;
   constexpr size_t kMasteringAt = 16;  // behind the display's primaries and white
-  const uint32_t brightest = big_endian_at(png.kept("cLLI").value_or(""), 0);
-  const uint32_t display = big_endian_at(png.kept("mDCV").value_or(""), kMasteringAt);
-  return std::min(kUnit * (brightest > 0 ? brightest : display), kMostNits);
+  return max_light(kUnit * big_endian_at(png.kept("cLLI").value_or(""), 0),
+                   kUnit * big_endian_at(png.kept("mDCV").value_or(""), kMasteringAt));
 }
 
 absl::StatusOr<Signal> signal_of_png(const FileReader& file, const Png& png, const CodePointChunk& code,

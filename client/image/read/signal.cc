@@ -67,11 +67,9 @@ std::array<double, 3> luminance_of(const std::array<float, 8>& xy) {
 
 void note_display_light(const Signal& signal, double hlg_peak, Image& image) {
   if (!is_display_light(signal.transfer)) return;
-  // In nit. A PQ picture that names PQ's own peak names none.
-  constexpr double kUsualPeak = 1000, kPqPeak = 10000;
-  const bool named = signal.max_light_nits > 0 && signal.max_light_nits < kPqPeak;
+  constexpr double kUsualPeak = 1000;  // nit, of a PQ picture that does not say it
   const double peak = signal.transfer == SignalTransfer::kHlg ? hlg_peak
-                      : named                                 ? signal.max_light_nits
+                      : signal.max_light_nits > 0             ? signal.max_light_nits
                                                               : kUsualPeak;
   image.light = PictureLight::kHdr;
   image.peak = std::max(peak / kReferenceWhiteNits, 1.0);
@@ -195,6 +193,12 @@ void set_adobe_rgb(Signal& signal) {
   signal.gamma = kGamma;
   signal.xy = kAdobeRgb.xy;
   signal.source = "Exif";
+}
+
+double max_light(double of_pixels, double of_display) {
+  constexpr double kPqPeak = 10000;
+  const auto says = [](double nits) { return nits > 0 && nits < kPqPeak; };
+  return says(of_pixels) ? of_pixels : says(of_display) ? of_display : 0;
 }
 
 HlgDisplay::HlgDisplay(const std::array<float, 8>& xy, double peak)

@@ -53,6 +53,10 @@ absl::Status set_code_points(const std::string& path, const char* source, int pr
 // Sets Adobe RGB (1998), which Exif names.
 void set_adobe_rgb(Signal& signal);
 
+// Signal::max_light_nits of a file that says how bright its pixels are, and the display that it was made on,
+// in nit; 0 where it says nothing. PQ's own peak of 10000 nit says nothing, either.
+double max_light(double of_pixels, double of_display);
+
 // The light of an HLG display, whose peak is in nit. Its primaries weigh the luminance.
 class HlgDisplay {
  public:

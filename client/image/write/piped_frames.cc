@@ -77,7 +77,7 @@ void make_planes(const PipeFormat& format, const Image& picture, std::byte* to) 
     return reinterpret_cast<const uint16_t*>(picture.pixels.data() + y * picture.row_bytes());
   };
   auto* sample = reinterpret_cast<Sample*>(to);
-  const LumaMatrix matrix = format.matrix.value_or(height < kHdLines ? kRec601Luma : kRec709Luma);
+  const LumaMatrix matrix = matrix_of(format, picture.height);
   const Coder<Sample> pixels(format, matrix, 1), blocks(format, matrix, 8);
   for (size_t y = 0; y < height; ++y) {
     for (size_t x = 0; x < width; ++x) *sample++ = pixels.luma(pixel_at(row_at(y), x));
@@ -128,6 +128,10 @@ PipeFormat pipe_format(PipeKind kind, int bits, EncodedTransfer transfer, const 
   PipeFormat format{kind, bits != 0 ? bits : hdr_signal ? 10 : 8};
   if (hdr_signal) format.matrix = hdr.p3 ? kRec709Luma : kRec2020Luma;
   return format;
+}
+
+LumaMatrix matrix_of(const PipeFormat& format, uint32_t height) {
+  return format.matrix.value_or(height < kHdLines ? kRec601Luma : kRec709Luma);
 }
 
 std::string film_header(const PipeFormat& format, uint32_t width, uint32_t height, double pixel_aspect,

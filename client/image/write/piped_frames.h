@@ -38,6 +38,9 @@ PipeFormat pipe_format(PipeKind kind, int bits, EncodedTransfer transfer, const 
 // What the frames have in common with files. A y4m has no alpha, and is made from codes of 16 bits.
 const OutputEncoding& piped_encoding(PipeKind kind);
 
+// The matrix of a y4m whose frames have so many lines.
+LumaMatrix matrix_of(const PipeFormat& format, uint32_t height);
+
 // The line before the first frame; "" for PAM.
 std::string film_header(const PipeFormat& format, uint32_t width, uint32_t height, double pixel_aspect,
                         FrameRate rate);

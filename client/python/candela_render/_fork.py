@@ -6,6 +6,7 @@ import sys
 import time
 
 VARIABLE = "GRPC_ENABLE_FORK_SUPPORT"  # gRPC reads it when it is imported, and again when it is first used
+LONGEST_FORK = 1.0  # s
 if "grpc" not in sys.modules:
     os.environ.setdefault(VARIABLE, "1")
 _supported = os.environ.get(VARIABLE, "").lower() in ("1", "true", "yes")
@@ -22,12 +23,12 @@ def grpc_works() -> bool:
 
 def _before() -> None:
     """gRPC's handler in the child is Python code, which runs before Python knows that it is a fork. If another thread has asked for
-    the interpreter by then, the child gives way to it and waits for ever. So none asks: each takes it when this thread lets go."""
+    the interpreter by then, the child gives way to it and waits for ever. So none asks for a while, in which the fork is made."""
     global _switch_interval
     if _used:
         _switch_interval = sys.getswitchinterval()
-        sys.setswitchinterval(3600)
-        time.sleep(2 * _switch_interval)  # those that wait already ask now, and get it
+        sys.setswitchinterval(LONGEST_FORK)
+        time.sleep(2 * _switch_interval)  # those that wait already ask now, and get it; a busy one keeps it for LONGEST_FORK
 
 
 def _after() -> None:

@@ -70,6 +70,23 @@ class Forks(Test):
                 over.set()
                 thread.join()
 
+    def test_a_busy_thread_does_not_hold_up_a_fork(self):
+        frame = frames(1)[0]
+        over = threading.Event()
+
+        def be_busy():
+            while not over.is_set():
+                sum(range(1000))
+
+        expected = candela.render(frame)[0].tobytes()
+        thread = threading.Thread(target=be_busy)
+        thread.start()
+        try:
+            self.assertEqual(in_fork(bytes_of, frame), expected)
+        finally:
+            over.set()
+            thread.join()
+
     def test_the_parents_session_is_an_error_in_a_child_at_once(self):
         frame = frames(1)[0]
         with candela.Session() as session:
