@@ -53,7 +53,7 @@ v1::Settings with_table(uint32_t axes) {
 
 std::vector<std::pair<std::string, v1::Settings>> curves() {
   std::vector<std::pair<std::string, v1::Settings>> all;
-  for (int curve = v1::TONE_CURVE_LINEAR; curve <= v1::TONE_CURVE_ACES_2; ++curve) {
+  for (int curve = v1::TONE_CURVE_LINEAR; curve <= v1::TONE_CURVE_SHOULDER; ++curve) {
     if (curve == v1::TONE_CURVE_TABLE) continue;
     v1::Settings settings;
     settings.set_curve(static_cast<v1::ToneCurve>(curve));
