@@ -688,7 +688,8 @@ constexpr char kClosing[] =
 
 `candela` chooses `output_format` by the type of the output file. Without `--alpha` it asks for `straight` for a .png or .avif, and for
 `ignore` if a file's alpha is 0 everywhere although there is light. It sends the primaries that the image's file names, unless
-`--primaries` is given; a message without primaries means `rec709`. Two fields of the message are not in the tables above
+`--primaries` is given; a message without primaries means `rec709`. A finished picture, such as a photograph, gets an exposure of
+0 EV, no bloom and the curve `linear` or `shoulder` ([pipeline.md](pipeline.md#7-files)). Two fields of the message are not in the tables above
 because each is a message of several numbers. `render.proto` describes them.
 
 | field | option | what it does |
