@@ -57,7 +57,7 @@ class CurveError : public FrameErrorTest {
           v1::word_of(format) + " " + v1::word_of(curve) + " " + v1::word_of(transfer),
           steep                            ? Bounds{.max = 0.022}
           : curve == v1::TONE_CURVE_ACES_2 ? Bounds{.max = 0.03, .p999 = 2e-3}
-          : curve == v1::TONE_CURVE_BT2390 ? Bounds{.max = 6e-3, .p999 = 5e-3}  // PQ signals of float32
+          : curve == v1::TONE_CURVE_BT2390 ? Bounds{.max = 0.012, .p999 = 0.01}  // PQ signals of float32
                                            : Bounds());
   }
 };
