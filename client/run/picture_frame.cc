@@ -165,7 +165,8 @@ constexpr char kCheck[] =
     "no display shows them; if the picture should have none, name the file's primaries with --primaries";
 
 constexpr char kOwnPrimaries[] =
-    "a .png, .jpg, .tif or .avif that is neither metered nor blooms keeps the picture's own";
+    "an image of its own, a .png, .jpg, .tif or .avif, keeps the picture's primaries, if it is not metered "
+    "and has no bloom";
 
 // Tells the user how to keep the colours.
 const char* advice(const v1::Settings& settings) {
