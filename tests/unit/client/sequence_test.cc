@@ -499,16 +499,17 @@ TEST_F(SequenceTest, HiddenFilesAndNamesThatDoNotFitAreLeftOutAndCounted) {
 
 TEST_F(SequenceTest, OnlyHiddenFilesAreNoSequence) {
   make({"in/._f.1.exr", "in/._f.2.exr"});
-  EXPECT_REFUSED(kNotFound, ".jpeg or .jfif file but 2 hidden files", find({"in"}));
+  EXPECT_REFUSED(kNotFound, ".tif or .tiff file but 2 hidden files", find({"in"}));
 }
 
 TEST_F(SequenceTest, AFolderIsAllImagesOfTheFormatsThatAreRead) {
   make({"in/f.1.exr", "in/f.2.HDR", "in/f.3.pfm", "in/f.4.phm", "in/f.5.png", "in/f.6.avif", "in/f.7.jpg",
-        "in/f.8.JPEG", "in/f.9.jfif", "in/f.10.txt", "in/f.11", "in/f.12.mp4", "in/sub.exr/f.13.exr"});
+        "in/f.8.JPEG", "in/f.9.jfif", "in/f.10.TIF", "in/f.11.tiff", "in/f.12.txt", "in/f.13", "in/f.14.mp4",
+        "in/sub.exr/f.13.exr"});
   ASSERT_OK_AND_ASSIGN(const FoundFiles found, find_frames({folder_.path("in")}));
-  ASSERT_EQ(found.paths.size(), 9u);
-  for (size_t i = 0; i < 9; ++i) EXPECT_TRUE(says(found.paths[i], absl::StrCat("f.", i + 1, ".")));
-  EXPECT_EQ(words_of(found.left_out), "3 files of other kinds (" + folder_.path("in/f.10.txt") + " ...)");
+  ASSERT_EQ(found.paths.size(), 11u);
+  for (size_t i = 0; i < 11; ++i) EXPECT_TRUE(says(found.paths[i], absl::StrCat("f.", i + 1, ".")));
+  EXPECT_EQ(words_of(found.left_out), "3 files of other kinds (" + folder_.path("in/f.12.txt") + " ...)");
 }
 
 TEST_F(SequenceTest, ASequenceIsOfOneFormatWhichOnlyChooses) {
