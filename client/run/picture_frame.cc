@@ -346,9 +346,11 @@ PictureDefaults show_as_it_is(PictureLight light, double peak, const PictureFact
 
 absl::Status check_light_for_gain_map(const std::string& path, PictureLight light, bool asked) {
   if (light != PictureLight::kSdr || !asked) return absl::OkStatus();
-  return name_file(
-      absl::InvalidArgumentError("it is an SDR picture, which has no light for the gain map of --gain-map; "
-                                 "--scene-light takes it as a scene's light"),
+  return input_failure(
+      absl::InvalidArgumentError(absl::StrCat(path,
+                                              ": it is an SDR picture, which has no light for the gain map "
+                                              "of --gain-map; --scene-light takes it as a "
+                                              "scene's light")),
       path);
 }
 

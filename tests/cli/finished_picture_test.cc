@@ -269,7 +269,8 @@ TEST_F(HdrPicture, ItsGainMapHasItsOwnLight) {
   for (size_t i = 0; i < light_.size(); ++i) {
     float light;
     std::memcpy(&light, back->pixels.data() + 16 * i, sizeof light);
-    EXPECT_NEAR(std::log2(light / light_[i]), 0, 0.1) << light_[i];
+    // The base has codes of 8 bits, whose steps are large in the dark.
+    EXPECT_NEAR(light, light_[i], 0.07 * light_[i] + 2e-4);
   }
 }
 
