@@ -164,10 +164,6 @@ constexpr double kNotedShare = 0.01;
 constexpr char kCheck[] =
     "no display shows them; if the picture should have none, name the file's primaries with --primaries";
 
-constexpr char kOwnPrimaries[] =
-    "an image of its own, a .png, .jpg, .tif or .avif, keeps the picture's primaries, if it is not metered "
-    "and has no bloom";
-
 // Tells the user how to keep the colours.
 const char* advice(const v1::Settings& settings) {
   switch (settings.curve()) {
@@ -189,13 +185,17 @@ const char* advice(const v1::Settings& settings) {
 }  // namespace
 
 std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::Settings& settings,
-                                      PictureLight light) {
+                                      PictureLight light, bool names_primaries) {
   const double components = 3.0 * result.width() * result.height();
   const double share = static_cast<double>(result.gamut_cut_components()) / components;
   const bool finished = light == PictureLight::kSdr && settings.curve() == v1::TONE_CURVE_LINEAR;
   if (!(share > (finished ? 0 : kNotedShare))) return std::nullopt;
-  return absl::StrFormat("%s %% of the colour components lie outside the curve's gamut and were cut; %s",
-                         in_digits(100.0 * share, 2), finished ? kOwnPrimaries : advice(settings));
+  const std::string cut = in_digits(100.0 * share, 2) + " % of the colour components lie outside ";
+  if (!finished) return absl::StrCat(cut, "the curve's gamut and were cut; ", advice(settings));
+  return absl::StrCat(
+      cut, "Rec.709 and were cut",
+      names_primaries ? ""
+                      : "; an image of its own, a .png, .jpg, .tif or .avif, keeps the picture's primaries");
 }
 
 std::string held_words(double target, double target_before_limits) {
@@ -357,11 +357,17 @@ absl::Status check_light_for_gain_map(const std::string& path, PictureLight ligh
 PictureSettings settings_for(const Image& image, const v1::Settings& given, const PictureFacts& facts) {
   PictureSettings made{.settings = given, .defaults = {}, .kept_primaries = {}};
   made.defaults = show_as_it_is(image.light, image.peak, facts, made.settings);
-  if (!image.chromaticities || has_primaries(given)) return made;
-  if (image.light == PictureLight::kSdr && facts.names_primaries &&
-      treats_channels_alike(made.settings, facts.exposure.has_value())) {
+  const bool keeps = image.light == PictureLight::kSdr && facts.names_primaries &&
+                     treats_channels_alike(made.settings, facts.exposure.has_value());
+  if (has_primaries(given)) {
+    const NamedPrimaries* const named = find_primaries(primaries_used(image, given).xy);
+    if (!keeps || named == nullptr || named->xy == kRec709.xy || named->xy == kXyz.xy) return made;
+    made.kept_primaries = named->xy;
+    made.settings.clear_input_primaries();
+    made.settings.clear_input_chromaticities();
+  } else if (image.chromaticities && keeps) {
     made.kept_primaries = image.chromaticities;
-  } else {
+  } else if (image.chromaticities) {
     *made.settings.mutable_input_chromaticities() = to_message(*image.chromaticities);
   }
   return made;

@@ -75,9 +75,10 @@ nlohmann::ordered_json to_json(const PrimariesUsed& primaries);
 // say.
 
 // A sentence if more than 1 % of the image's R, G and B components lie outside of the gamut of the curve,
-// with what to do about it; of a finished SDR picture if any do. `settings` are those that were sent.
+// with what to do about it; of a finished SDR picture if any do. `settings` are those that were sent, and
+// `names_primaries` is as in PictureOptions.
 std::optional<std::string> gamut_note(const v1::ResultHeader& result, const v1::Settings& settings,
-                                      PictureLight light);
+                                      PictureLight light, bool names_primaries);
 
 // "exposure held at --max-exposure 64; it would have been 812", if a limit held it; else empty. Both factors
 // are those of a result; a server that does not know the second leaves it 0.

@@ -72,7 +72,9 @@ void PictureRun::take(RenderResult& result, const v1::Settings& settings, v1::Im
   if (!run_.locked()) {
     add_note(held_words(report_.header.target(), report_.header.target_before_limits()));
   }
-  if (run_.shows_light()) add_note(gamut_note(report_.header, settings, report_.defaults.light).value_or(""));
+  if (run_.shows_light())
+    add_note(
+        gamut_note(report_.header, settings, report_.defaults.light, options_.names_primaries).value_or(""));
 }
 
 absl::Status PictureRun::write(const Image& picture) {

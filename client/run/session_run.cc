@@ -255,7 +255,9 @@ void SessionRun::add_notes_on(const RunFrame& frame) {
   const v1::ResultHeader& header = frame.header;
   say_once(said_bad_, bad_values_note(header.statistics()));
   if (run_.shows_light())
-    say_once(said_gamut_, gamut_note(header, session_.settings, frame.facts.defaults.light).value_or(""));
+    say_once(said_gamut_,
+             gamut_note(header, session_.settings, frame.facts.defaults.light, options_.names_primaries)
+                 .value_or(""));
   if (frame.facts.exposure_given) return;
   say_once(said_held_, held_words(header.target(), header.target_before_limits()));
 }

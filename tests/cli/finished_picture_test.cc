@@ -177,6 +177,21 @@ TEST_F(FinishedPicture, ItsColoursStayWhereTheOutputCanHoldThem) {
   }
 }
 
+TEST_F(FinishedPicture, PrimariesThatTheUserNamesAreItsOwn) {
+  const std::string in = picture("png");
+  for (const auto& [words, x] : {std::pair("p3-d65", 0.680), {"adobe-rgb", 0.64}}) {
+    const auto report = candela_json({"render", in, path("out.png"), "--primaries", words});
+    EXPECT_EQ(report["notes"], nlohmann::json::array()) << words;
+    expect_same_codes(in, path("out.png"));
+    const auto read = read_image(path("out.png"));
+    ASSERT_OK(read);
+    ASSERT_TRUE(read->chromaticities) << words;
+    EXPECT_NEAR((*read->chromaticities)[0], x, 1e-3);
+  }
+  ASSERT_EQ(candela({"render", in, path("out.png"), "--primaries", "rec709", "-q"}).code, 0);
+  EXPECT_FALSE(read_image(path("out.png"))->chromaticities);
+}
+
 TEST_F(FinishedPicture, ElsewhereItsColoursAreThoseOfRec709) {
   const std::string in = picture("png", kP3);
   const auto report = candela_json({"render", in, path("out.pfm")});

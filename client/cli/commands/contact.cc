@@ -41,8 +41,11 @@
 #include "client/run/run.h"
 #include "client/run/sequence.h"
 #include "proto/candela/v1/limits.h"
+#include "proto/candela/v1/settings.h"
 #include "server/base/check.h"
 #include "server/base/status_macros.h"
+#include "server/encode/color_words.h"
+#include "server/encode/image_file.h"
 
 namespace candela {
 namespace {
@@ -102,6 +105,10 @@ absl::Status finish_contact_options(ContactArguments& arguments) {
   RETURN_IF_ERROR(check_input_names(options.inputs));
   RETURN_IF_ERROR(check_output_name(options.output));
   v1::Settings& settings = options.settings;
+  if (is_hdr(encoded_transfer(settings))) {
+    return usage_error(absl::StrFormat("--transfer %s: a sheet is an SDR image; leave it out",
+                                       v1::word_of(settings.transfer())));
+  }
   if (settings.alpha() == v1::ALPHA_UNSPECIFIED) settings.set_alpha(v1::ALPHA_OVER);
   if (!settings.has_output_size()) settings.mutable_output_size()->set_max_side(kSheetCell);
   RETURN_IF_ERROR(finish_picture_options(options, {}, options.output));

@@ -77,11 +77,18 @@ bool is_radiance(absl::string_view head) {
          });
 }
 
-// Kinds that people also know as JPEG.
-constexpr std::pair<const char*, absl::string_view> kOtherJpegs[] = {{"JPEG 2000", {"\0\0\0\x0cjP  ", 8}},
-                                                                     {"JPEG 2000", "\xff\x4f\xff\x51"},
-                                                                     {"JPEG XL", {"\0\0\0\x0cJXL ", 8}},
-                                                                     {"JPEG XL", "\xff\x0a"}};
+// Pictures of kinds that are not read, by bytes at a place of their beginning.
+constexpr struct {
+  const char* name;
+  size_t at;
+  absl::string_view bytes;
+} kOthers[] = {{"JPEG 2000", 0, {"\0\0\0\x0cjP  ", 8}},
+               {"JPEG 2000", 0, "\xff\x4f\xff\x51"},
+               {"JPEG XL", 0, {"\0\0\0\x0cJXL ", 8}},
+               {"JPEG XL", 0, "\xff\x0a"},
+               {"WebP", 8, "WEBP"},
+               {"HEIC", 4, "ftypheic"},
+               {"HEIC", 4, "ftypheix"}};
 
 }  // namespace
 
@@ -103,8 +110,8 @@ absl::StatusOr<FileKind> file_kind(FileReader& file) {
       brand == "ftypavif" || brand == "ftypavis" || brand == "ftypmif1") {
     return FileKind::kAvif;
   }
-  for (const auto& [kind, first] : kOtherJpegs) {
-    if (!absl::StartsWith(begin, first)) continue;
+  for (const auto& [kind, at, bytes] : kOthers) {
+    if (begin.size() < at || !absl::StartsWith(begin.substr(at), bytes)) continue;
     return absl::InvalidArgumentError(
         absl::StrFormat("%s: Candela does not read %s; convert it to PNG or AVIF", file.path(), kind));
   }

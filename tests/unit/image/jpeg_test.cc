@@ -941,6 +941,9 @@ TEST(JpegReader, OtherKindsAreRefusedByName) {
   for (const std::string& jxl : {box + "JXL \r\n\x87\n", std::string("\xff\x0a\x12")}) {
     EXPECT_REFUSED(kInvalidArgument, "file: Candela does not read JPEG XL", read_jpeg_bytes(jxl));
   }
+  EXPECT_REFUSED(kInvalidArgument, "file: Candela does not read WebP", read_jpeg_bytes("RIFFabcdWEBPVP8 "));
+  EXPECT_REFUSED(kInvalidArgument, "file: Candela does not read HEIC", read_jpeg_bytes(box + "ftypheic\0\0"));
+  EXPECT_REFUSED(kInvalidArgument, "file: not an OpenEXR", read_jpeg_bytes("RIFFabcdAVI LIST"));
 }
 
 TEST(JpegReader, SurvivesAnyDamage) {
