@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
 #include "client/base/number_words.h"
 #include "client/cli/render_report.h"
 #include "client/cli/terminal.h"
+#include "client/image/read_formats.h"
 #include "client/image/write/atomic_file.h"
 #include "client/run/output_files.h"
 #include "server/base/status_macros.h"
@@ -244,7 +243,7 @@ std::string drawn(const std::vector<ExposedFrame>& curve) {
 }  // namespace
 
 absl::Status check_plot(const std::string& path) {
-  if (absl::AsciiStrToLower(std::filesystem::path(path).extension().string()) != ".svg") {
+  if (extension_of(path) != ".svg") {
     return usage_error(absl::StrFormat("--exposure-plot is %s; it must end in .svg", path));
   }
   RETURN_IF_ERROR(make_folder_of(path));

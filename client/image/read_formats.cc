@@ -9,15 +9,13 @@
 #include "absl/strings/str_join.h"
 
 namespace candela {
-namespace {
 
-std::string with_or(std::vector<absl::string_view> words) {
-  const absl::string_view last = words.back();
+std::string one_of(std::vector<std::string> words) {
+  if (words.size() < 2) return absl::StrJoin(words, "");
+  const std::string last = std::move(words.back());
   words.pop_back();
   return absl::StrCat(absl::StrJoin(words, ", "), " or ", last);
 }
-
-}  // namespace
 
 const std::vector<ReadFormat>& read_formats() {
   static const std::vector<ReadFormat> formats = {
@@ -40,17 +38,17 @@ std::string extension_of(const std::string& path) {
 }
 
 std::string read_format_names() {
-  std::vector<absl::string_view> names;
+  std::vector<std::string> names;
   for (const ReadFormat& format : read_formats()) names.emplace_back(format.name);
-  return with_or(std::move(names));
+  return one_of(std::move(names));
 }
 
 std::string read_extensions() {
-  std::vector<absl::string_view> all;
+  std::vector<std::string> all;
   for (const ReadFormat& format : read_formats()) {
-    all.insert(all.end(), format.extensions.begin(), format.extensions.end());
+    for (const absl::string_view extension : format.extensions) all.emplace_back(extension);
   }
-  return with_or(std::move(all));
+  return one_of(std::move(all));
 }
 
 }  // namespace candela

@@ -9,6 +9,9 @@
 
 namespace candela {
 
+// ".png, .jpg or .exr"; "" of none.
+std::string one_of(std::vector<std::string> words);
+
 struct ReadFormat {
   const char* name;
   std::vector<absl::string_view> extensions;  // in lower case, with their dots

@@ -12,18 +12,17 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
-#include <filesystem>
 #include <iterator>
 #include <optional>
 #include <utility>
 
 #include "absl/cleanup/cleanup.h"
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "client/base/failure.h"
+#include "client/image/read_formats.h"
 #include "server/base/status_macros.h"
 #include "server/encode/color_words.h"
 
@@ -52,11 +51,6 @@ const FilmCodec kCodecs[] = {
      {"-c:v", "libaom-av1", "-cpu-used", "6", "-row-mt", "1", "-crf", "24"}},
     {"prores", {".mov", ".mkv"}, true, {"-c:v", "prores_ks", "-vendor", "apl0"}},
 };
-
-// ".mp4, .mov or .mkv".
-std::string list_of(const std::vector<std::string>& words) {
-  return absl::StrJoin(words.begin(), std::prev(words.end()), ", ") + " or " + words.back();
-}
 
 const FilmContainer* container_of(const std::string& extension) {
   const auto* const found = std::ranges::find(kContainers, extension, &FilmContainer::extension);
@@ -121,11 +115,11 @@ std::vector<std::string> film_codecs() {
 std::string film_extensions() {
   std::vector<std::string> words;
   for (const FilmContainer& container : kContainers) words.emplace_back(container.extension);
-  return list_of(words);
+  return one_of(words);
 }
 
 std::string film_extension(const std::string& path) {
-  std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  std::string extension = extension_of(path);
   return container_of(extension) != nullptr ? extension : "";
 }
 
@@ -139,7 +133,7 @@ absl::StatusOr<FilmFormat> film_format(const std::string& path, const std::strin
   }
   if (std::ranges::count(film.codec->extensions, film.extension) == 0) {
     return usage_error(absl::StrFormat("--codec %s: %s cannot hold it; write %s", word, path,
-                                       list_of(film.codec->extensions)));
+                                       one_of(film.codec->extensions)));
   }
   if (bits == 8 && film.codec->deep) {
     return usage_error(absl::StrFormat("--bits 8: %s has 10 bits; leave it out", word));

@@ -36,6 +36,7 @@
 #include "client/cli/terminal.h"
 #include "client/environment/environment_files.h"
 #include "client/environment/pictures.h"
+#include "client/image/read_formats.h"
 #include "client/image/write/atomic_file.h"
 #include "client/run/options.h"
 #include "client/run/output_files.h"
@@ -283,7 +284,7 @@ void add_files(CLI::App& app, EnvironmentOptions& options) {
 // The layouts that the output can have; the first is the default.
 absl::StatusOr<std::vector<EnvironmentLayout>> layouts_of(const std::string& output) {
   if (names_folder(output)) return std::vector{EnvironmentLayout::kFaces};
-  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
+  const std::string extension = extension_of(output);
   if (extension == ".ktx2") return std::vector{EnvironmentLayout::kFaces};
   if (extension == ".exr") {
     return std::vector{EnvironmentLayout::kEquirectangular, EnvironmentLayout::kCross};
@@ -365,7 +366,7 @@ bool has_faces(const EnvironmentOptions& options) { return options.layout == Env
 bool is_ktx2(const EnvironmentOptions& options) {
   std::error_code failed;
   return has_faces(options) && !fs::is_directory(options.output, failed) &&
-         absl::AsciiStrToLower(fs::path(options.output).extension().string()) == ".ktx2";
+         extension_of(options.output) == ".ktx2";
 }
 
 // The picture of a level: OUT.exr, OUT.level1.exr, ...

@@ -4,7 +4,6 @@
 #include <array>
 #include <cstdint>
 #include <cstdlib>
-#include <filesystem>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,6 +21,7 @@
 #include "client/cli/options/settings_options.h"
 #include "client/color/view_table.h"
 #include "client/image/color.h"
+#include "client/image/read_formats.h"
 #include "client/image/write/encodings.h"
 #include "proto/candela/v1/limits.h"
 #include "proto/candela/v1/settings.h"
@@ -599,7 +599,7 @@ absl::Status check_output_name(const std::string& output, bool stdout_too, bool 
                                        : stdout_too  ? ", or - for standard output"
                                                      : ""));
   }
-  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(output).extension().string());
+  const std::string extension = extension_of(output);
   for (const char* video : {".mp4", ".m4v", ".mov", ".mkv", ".avi", ".webm", ".mxf", ".mpg"}) {
     if (extension != video || (film_too && !film_extension(output).empty())) continue;
     return usage_error(

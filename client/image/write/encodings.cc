@@ -8,17 +8,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "absl/functional/function_ref.h"
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/base/failure.h"
 #include "client/image/color.h"
+#include "client/image/read_formats.h"
 #include "client/image/write/atomic_file.h"
 #include "client/image/write/writers.h"
 #include "server/base/status_macros.h"
@@ -183,20 +182,12 @@ const OutputEncoding kEncodings[] = {
      .write = write_pfm},
 };
 
-// ".png, .jpg or .exr"
-std::string in_words(std::vector<std::string> extensions) {
-  if (extensions.size() < 2) return absl::StrJoin(extensions, "");
-  const std::string last = std::move(extensions.back());
-  extensions.pop_back();
-  return absl::StrCat(absl::StrJoin(extensions, ", "), " or ", last);
-}
-
 std::string every_extension() {
   std::vector<std::string> all;
   for (const OutputEncoding& encoding : kEncodings) {
     all.insert(all.end(), encoding.extensions.begin(), encoding.extensions.end());
   }
-  return in_words(std::move(all));
+  return one_of(std::move(all));
 }
 
 absl::Status check_image(const OutputEncoding& encoding, const Image& image) {
@@ -253,7 +244,7 @@ void note_lost_alpha(const OutputEncoding& encoding, bool had_alpha, Notes& note
 std::span<const OutputEncoding> output_encodings() { return kEncodings; }
 
 absl::StatusOr<const OutputEncoding*> output_encoding(const std::string& path) {
-  const std::string extension = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  const std::string extension = extension_of(path);
   for (const OutputEncoding& encoding : kEncodings) {
     if (std::ranges::count(encoding.extensions, extension) > 0) return &encoding;
   }
@@ -272,7 +263,7 @@ std::string extensions_with(bool (OutputEncoding::*member)() const) {
   for (const OutputEncoding& encoding : kEncodings) {
     if (member == nullptr || (encoding.*member)()) extensions.push_back(encoding.extension());
   }
-  return in_words(std::move(extensions));
+  return one_of(std::move(extensions));
 }
 
 absl::StatusOr<const OutputEncoding*> check_output_path(const std::string& path) {
